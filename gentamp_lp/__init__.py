@@ -1,0 +1,1 @@
+"""Generalized task and motion planning with logic programming."""

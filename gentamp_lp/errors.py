@@ -1,0 +1,56 @@
+"""Errors the user can act on, and the diagnostics they carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One complaint about an input file: where it is, what is wrong, what to do about it."""
+
+    message: str
+    path: Path | str | None = None
+    line: int | None = None
+    column: int | None = None
+    hint: str | None = None
+
+    def __str__(self) -> str:
+        where = ":".join(str(part) for part in (self.path, self.line, self.column) if part is not None)
+        text = f"{where}: error: {self.message}" if where else f"error: {self.message}"
+        return f"{text}\n  hint: {self.hint}" if self.hint else text
+
+
+class GentampError(Exception):
+    """Base of all errors raised on purpose; `exit_code` is what the command line returns for it."""
+
+    exit_code = 1
+
+
+class InputError(GentampError):
+    """Bad input: a file, an option or a missing program. Carries one or more diagnostics."""
+
+    exit_code = 2
+
+    def __init__(self, *diagnostics: Diagnostic | str) -> None:
+        self.diagnostics = tuple(Diagnostic(d) if isinstance(d, str) else d for d in diagnostics)
+        super().__init__("\n".join(str(d) for d in self.diagnostics))
+
+
+class NoAnswer(GentampError):
+    """A true negative: no policy or no plan exists (within what was sampled), or a plan is invalid."""
+
+    exit_code = 1
+
+
+class LimitReached(GentampError):
+    """A time or memory limit ended the work before an answer was known."""
+
+    exit_code = 3
+
+
+class SolverError(GentampError):
+    """An outside program failed in a way that is neither an answer nor a limit."""
+
+    exit_code = 1

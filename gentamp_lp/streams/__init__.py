@@ -1,0 +1,1 @@
+"""The embedded PDDLStream engine."""
