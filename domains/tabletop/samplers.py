@@ -1,0 +1,125 @@
+"""The streams of `stream.pddl` in Python."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gentamp_lp.geometry.collision import Swept, collide
+from gentamp_lp.geometry.grasping import Grasp
+from gentamp_lp.geometry.robots import Robot, Trajectory
+from gentamp_lp.geometry.shapes import GAP, Shape
+from gentamp_lp.geometry.transforms import Array, pose
+from gentamp_lp.streams.language import Generator, from_gen_fn, from_test
+
+from .scene import Placement, World, uniform_placements
+
+_REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and grasp are given up
+
+
+@dataclass(eq=False)
+class Reach:
+    """A value of sort reach: how the hand gets to `name`, placed at `placement` (in the world: `target`)."""
+
+    robot: Robot
+    name: str
+    shape: Shape
+    placement: Placement
+    support_place: Placement
+    grasp: Grasp
+    target: Array
+    trajectory: Trajectory
+
+    @cached_property
+    def swept(self) -> Swept:
+        """Everything the hand, the arm and the held thing pass through."""
+        return self.robot.swept(self.trajectory, self.shape, self.grasp)
+
+    @cached_property
+    def swept_robot(self) -> Swept:
+        """Everything the hand and the arm pass through."""
+        return self.robot.swept(self.trajectory)
+
+
+def stream_map(world: World, seed: int) -> dict[str, Generator]:
+    """The Python side of every stream; randomness depends on the seed and the inputs only."""
+
+    def rng(*key: object) -> np.random.Generator:
+        return np.random.default_rng([seed, zlib.crc32(repr(key).encode())])
+
+    def sample_grasp(name: str) -> Iterator[tuple[Grasp]]:
+        for grasp in world.robot.grasps(world.shapes[name]):
+            yield (grasp,)
+
+    def sample_placement(name: str, support: str) -> Iterator[tuple[Placement]]:
+        generator = rng("placement", name, support)
+        while True:
+            for placement in uniform_placements(world.supports[support].area, generator):
+                yield (placement,)
+
+    def sample_cell(_: str, support: str) -> Iterator[tuple[Placement]]:
+        yield from ((placement,) for placement in cell_placements(world, support))
+
+    def sample_reach(
+        name: str, placement: Placement, support: str, place: Placement, grasp: Grasp
+    ) -> Iterator[tuple[Reach] | None]:
+        if placement.base is not None and placement.base is not place:
+            return  # the placement rests on this support where it stood, and only there
+        target = place.transform @ placement.transform if placement.frame == support else placement.transform
+        generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool))
+        for _ in range(_REACH_ATTEMPTS):
+            trajectory = world.robot.reach(target @ grasp.tool, grasp.opening, generator)
+            if trajectory is None:
+                continue
+            yield (Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory),)
+
+    def cfree(name: str, placement: Placement, other: str, there: Placement) -> bool:
+        """Whether two placements can be taken at once.
+
+        What stands on a tray stays inside the tray's envelope, so frames need not be mixed.
+        """
+        if name == other or placement.frame != there.frame:
+            return True
+        return not collide(world.shapes[name], placement.transform, world.shapes[other], there.transform)
+
+    def reach_cfree(reach: Reach, other: str, there: Placement) -> bool:
+        """Whether the hand, the arm and the held thing stay clear of `other`."""
+        if other == reach.name:
+            return True
+        if there.frame == reach.name:  # loads of the tray in hand travel with it
+            return not reach.swept_robot.hits(world.shapes[other], reach.target @ there.transform)
+        if there.frame != "world":
+            if there.frame != reach.placement.frame:
+                return True  # inside the envelope of a tray that is itself checked
+            return not reach.swept.hits(world.shapes[other], reach.support_place.transform @ there.transform)
+        if other == reach.placement.frame:
+            if there is not reach.support_place:
+                return True  # the tray stands elsewhere while this reach is used
+            return not reach.swept.hits(world.shapes[other], there.transform, envelope=False)
+        return not reach.swept.hits(world.shapes[other], there.transform)
+
+    return {
+        "sample-grasp": from_gen_fn(sample_grasp),
+        "sample-placement": from_gen_fn(sample_placement),
+        "sample-cell": from_gen_fn(sample_cell),
+        "sample-reach": from_gen_fn(sample_reach),
+        "test-cfree": from_test(cfree),
+        "test-reach-cfree": from_test(reach_cfree),
+    }
+
+
+def cell_placements(world: World, support: str) -> Iterator[Placement]:
+    """The cells of a tray, from the end away from its handle; each holds one thing."""
+    cells, side = world.cells[support]
+    interior = world.shapes[support].interior
+    assert interior is not None
+    for index in range(cells):
+        yield Placement(support, pose((index - (cells - 1) / 2) * side, 0.0, interior[2] + GAP))
+
+
+def _digest(matrix: Array) -> int:
+    return zlib.crc32(np.ascontiguousarray(matrix).tobytes())

@@ -1,0 +1,313 @@
+"""Scenes: what a task file says about the things on the table, and one world drawn from it.
+
+All lengths in metres; the world's origin is the robot's base, z = 0 the top of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from gentamp_lp.errors import NoAnswer
+from gentamp_lp.geometry.collision import collide
+from gentamp_lp.geometry.robots import Robot, make_robot
+from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
+from gentamp_lp.geometry.transforms import Array, pose
+
+Span = tuple[float, float]
+Count = int | str
+COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
+PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
+_TRIES = 400  # draws before an instance is called impossible
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Area(_Section):
+    """A rectangle on the table."""
+
+    x: Span
+    y: Span
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Area:
+        for name, (low, high) in (("x", self.x), ("y", self.y)):
+            if low >= high:
+                raise ValueError(f"{name}: the first bound must be below the second")
+        return self
+
+
+class Support(_Section):
+    """A fixed support: the table, or a coloured region on it."""
+
+    area: Area
+    traits: tuple[str, ...] = Field(("Table",), alias="is")
+
+
+class ShapeOption(_Section):
+    """One kind of shape; a pair of numbers is a range to draw from."""
+
+    box: tuple[float | Span, float | Span, float | Span] | None = None
+    cylinder: tuple[float | Span, float | Span] | None = None
+    tray: TrayShape | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> ShapeOption:
+        if sum(option is not None for option in (self.box, self.cylinder, self.tray)) != 1:
+            raise ValueError("give exactly one of box, cylinder, tray")
+        return self
+
+
+class TrayShape(_Section):
+    """A tray with a row of `cells` square cells of side `cell`."""
+
+    cells: Count
+    cell: float = Field(gt=0)
+
+
+class Towers(_Section):
+    """Put each thing on the table or on a clear top, all equally likely, as the paper's Unstack does."""
+
+    support: str = Field(alias="on")
+    max_height: int = Field(8, ge=1)
+    gap: float = Field(0.03, ge=0)
+
+
+class Scatter(_Section):
+    """Put each thing at a uniform place of an area, `gap` away from the others."""
+
+    support: str = Field(alias="on")
+    area: Area | None = None
+    gap: float = Field(0.02, ge=0)
+
+
+class At(_Section):
+    """Put the thing at a given place (metres, radians)."""
+
+    support: str = Field(alias="on")
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+class Start(_Section):
+    """Where things are in the initial state."""
+
+    towers: Towers | None = None
+    scatter: Scatter | None = None
+    at: At | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Start:
+        if sum(option is not None for option in (self.towers, self.scatter, self.at)) != 1:
+            raise ValueError("give exactly one of towers, scatter, at")
+        return self
+
+    @property
+    def choice(self) -> Towers | Scatter | At:
+        """The arrangement given."""
+        chosen = self.towers or self.scatter or self.at
+        assert chosen is not None
+        return chosen
+
+
+class Things(_Section):
+    """A group of movable things. `is` lists their unary predicates, `goes` the supports they may be put on."""
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
+    count: Count = 1
+    traits: tuple[str, ...] = Field((), alias="is")
+    shapes: tuple[ShapeOption, ...] = Field(min_length=1)
+    start: Start
+    goes: tuple[str, ...]
+
+
+class Scene(_Section):
+    """The `scene:` section of a tabletop task."""
+
+    supports: Mapping[str, Support]
+    things: tuple[Things, ...]
+
+    @model_validator(mode="after")
+    def _known(self) -> Scene:
+        groups = {group.name for group in self.things}
+        for group in self.things:
+            if group.start.choice.support not in self.supports:
+                raise ValueError(f"`{group.name}` starts on `{group.start.choice.support}`, which is no support")
+            for goal in group.goes:
+                if goal not in self.supports and goal not in groups:
+                    raise ValueError(f"`{group.name}` goes to `{goal}`, which is neither a support nor a thing")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A value of sort pose: `transform` (4x4) of the object in `frame` ("world" or the name of a tray).
+
+    `base` is the placement of the movable support it rests on, None on fixed supports and on trays.
+    """
+
+    frame: str
+    transform: Array
+    base: Placement | None = None
+
+
+@dataclass(eq=False)
+class World:
+    """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case)."""
+
+    robot: Robot
+    supports: Mapping[str, Support]
+    shapes: dict[str, Shape] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+    static: list[tuple[str, ...]] = field(default_factory=list)
+    fluents: list[tuple[str, ...]] = field(default_factory=list)
+    cells: dict[str, tuple[int, float]] = field(default_factory=dict)
+
+    @property
+    def start(self) -> dict[str, Placement]:
+        """Initial placements."""
+        return {fact[1]: self.values[fact[2]] for fact in self.fluents if fact[0] == "atpose"}
+
+
+def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.random.Generator) -> World:
+    """Draw a collision-free world in which the robot can reach every thing where it stands.
+
+    Raises NoAnswer with the reason when none was found, KeyError for an unknown size parameter.
+    """
+    world = World(make_robot(robot), scene.supports)
+    for name, support in scene.supports.items():
+        world.values[name] = name
+        world.values[f"at_{name}"] = Placement("world", np.eye(4))
+        world.static += [(trait.lower(), name) for trait in ("Surface", *support.traits)]
+        world.static += [("fixed", name, f"at_{name}"), ("stand", name, f"at_{name}")]
+    members: dict[str, list[str]] = {}
+    for group in scene.things:
+        count = _count(group.count, parameters)
+        names = [group.name] if group.count == 1 else [f"{group.name}{i + 1}" for i in range(count)]
+        members[group.name] = names
+        for index, name in enumerate(names):
+            world.values[name] = name
+            world.shapes[name] = _shape(group, index, name, world, parameters, rng)
+            world.static += [(trait.lower(), name) for trait in ("Movable", *group.traits)]
+        _arrange(world, group, names, rng)
+    for group in scene.things:
+        targets = [t for goal in group.goes for t in members.get(goal, [goal])]
+        world.static += [("stackable", o, s) for o in members[group.name] for s in targets if o != s]
+    world.fluents.append(("handempty",))
+    return world
+
+
+def _count(count: Count, parameters: Mapping[str, int]) -> int:
+    return count if isinstance(count, int) else parameters[count]
+
+
+def _number(value: float | Span, rng: np.random.Generator) -> float:
+    return float(rng.uniform(*value)) if isinstance(value, tuple) else value
+
+
+def _shape(
+    group: Things, index: int, name: str, world: World, parameters: Mapping[str, int], rng: np.random.Generator
+) -> Shape:
+    option = group.shapes[int(rng.integers(len(group.shapes)))]
+    colour = next((COLOURS[t] for t in group.traits if t in COLOURS), PALETTE[index % len(PALETTE)])
+    if option.box is not None:
+        x, y, z = (_number(v, rng) for v in option.box)
+        return box(x, y, z, colour)
+    if option.cylinder is not None:
+        radius, height = (_number(v, rng) for v in option.cylinder)
+        return cylinder(radius, height, colour)
+    assert option.tray is not None
+    cells = _count(option.tray.cells, parameters)
+    world.cells[name] = (cells, option.tray.cell)
+    return tray(cells * option.tray.cell, option.tray.cell)
+
+
+def _arrange(world: World, group: Things, names: list[str], rng: np.random.Generator) -> None:
+    match group.start.choice:
+        case At() as at:
+            for name in names:
+                placement = Placement("world", pose(at.x, at.y, GAP, at.yaw))
+                if not (_free(world, name, placement, 0.0) and reachable(world, name, placement, rng)):
+                    raise NoAnswer(f"`{name}` collides or is out of reach at x={at.x}, y={at.y}")
+                _stand(world, name, placement, at.support)
+        case Scatter() as scatter:
+            area = scatter.area or world.supports[scatter.support].area
+            for name in names:
+                _stand(world, name, _draw(world, name, area, scatter.gap, rng), scatter.support)
+        case Towers() as towers:
+            _build_towers(world, towers, names, rng)
+
+
+def _build_towers(world: World, towers: Towers, names: list[str], rng: np.random.Generator) -> None:
+    area = world.supports[towers.support].area
+    tops: list[tuple[str, int]] = []
+    for name in names:
+        choice = int(rng.integers(len(tops) + 1))
+        if choice < len(tops):
+            below, height = tops[choice]
+            base = world.start[below]
+            stacked = base.transform.copy()
+            stacked[2, 3] += world.shapes[below].height + GAP
+            placement = Placement("world", stacked, base)
+            if height < towers.max_height and reachable(world, name, placement, rng):
+                _stand(world, name, placement, below)
+                tops[choice] = (name, height + 1)
+                continue
+        _stand(world, name, _draw(world, name, area, towers.gap, rng), towers.support)
+        tops.append((name, 1))
+
+
+def _draw(world: World, name: str, area: Area, gap: float, rng: np.random.Generator) -> Placement:
+    for placement in uniform_placements(area, rng):
+        if _free(world, name, placement, gap) and reachable(world, name, placement, rng):
+            return placement
+    raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
+
+
+def uniform_placements(area: Area, rng: np.random.Generator, tries: int = _TRIES) -> Iterator[Placement]:
+    """Placements with their centre uniform in an area and any yaw."""
+    for _ in range(tries):
+        x, y, yaw = rng.uniform(*area.x), rng.uniform(*area.y), rng.uniform(-np.pi / 4, np.pi / 4)
+        yield Placement("world", pose(x, y, GAP, yaw))
+
+
+def _free(world: World, name: str, placement: Placement, gap: float) -> bool:
+    grown = _inflated(world.shapes[name], gap)
+    return not any(
+        collide(grown, placement.transform, world.shapes[other], there.transform)
+        for other, there in world.start.items()
+    )
+
+
+def _inflated(shape: Shape, gap: float) -> Shape:
+    """The bounding boxes of a shape's parts and envelope, wider by `gap` on each side."""
+    parts = []
+    for part in shape.volumes(envelope=True):
+        (x0, y0, z0), (x1, y1, z1) = part.bounds
+        size = (x1 - x0 + 2 * gap, y1 - y0 + 2 * gap, z1 - z0)
+        parts.append(Part("box", size, ((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2)))
+    return Shape(tuple(parts))
+
+
+def reachable(world: World, name: str, placement: Placement, rng: np.random.Generator) -> bool:
+    """Whether some grasp of the thing can be reached where it stands (other things not considered)."""
+    for grasp in world.robot.grasps(world.shapes[name]):
+        if world.robot.reach(placement.transform @ grasp.tool, grasp.opening, rng) is not None:
+            return True
+    return False
+
+
+def _stand(world: World, name: str, placement: Placement, support: str) -> None:
+    where = f"at_{name}"
+    world.values[where] = placement
+    world.static += [("pose", name, where, support), ("stand", name, where)]
+    world.fluents.append(("atpose", name, where))
+
+

@@ -1,0 +1,214 @@
+"""The bridge to clingo; no other module imports it.
+
+A `Program` is a set of `.lp` files plus facts as text. A `LazyTheory` may refute total assignments with
+clauses; it sees nothing of clingo, only the numbers for which its unary predicates hold.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import clingo
+
+from gentamp_lp.errors import InputError, SolverError
+
+Atom = tuple[str, int]
+Clause = Iterable[tuple[Atom, bool]]
+_STEP = 0.2  # seconds between two looks at the clock
+
+
+class LazyTheory(Protocol):
+    """Conditions too many to ground: clauses are handed out when an assignment violates them."""
+
+    predicates: tuple[str, ...]
+
+    def refute(self, true: dict[str, list[int]]) -> Iterable[tuple[str, Clause]]:
+        """Return (kind, clause) pairs that the assignment violates; none if it is right."""
+        ...
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer set: its shown unary atoms and the value of each optimisation level."""
+
+    atoms: dict[str, tuple[int, ...]]
+    cost: tuple[int, ...]
+    optimal: bool
+
+
+@dataclass
+class Outcome:
+    """What a search found: `complete` if nothing is left to find, `bound` as far as optimality is proved."""
+
+    answers: list[Answer] = field(default_factory=list)
+    complete: bool = False
+    interrupted: bool = False
+    bound: tuple[int, ...] = ()
+    core: tuple[Atom, ...] = ()
+
+
+class Program:
+    """A grounded program that can be solved more than once."""
+
+    def __init__(
+        self, files: Sequence[Path], facts: str, *, options: Sequence[str] = (), theory: LazyTheory | None = None
+    ) -> None:
+        self.messages: list[str] = []
+        self._control = clingo.Control(["--warn=all", *options], logger=self._log, message_limit=50)
+        self._lazy = None if theory is None else _Lazy(theory)
+        for file in files:
+            if not file.is_file():
+                raise InputError(f"no such ASP file: {file}")
+        try:
+            for file in files:
+                self._control.load(str(file))
+            self._control.add("base", [], facts)
+            self._control.ground([("base", [])])
+        except RuntimeError as error:
+            raise SolverError("\n".join([str(error), *self.messages])) from error
+        if self._lazy is not None:
+            self._control.register_propagator(self._lazy)
+
+    def solve(
+        self,
+        *,
+        limit: float | None = None,
+        assume: Iterable[Atom] = (),
+        on_answer: Callable[[Answer], bool | None] | None = None,
+        on_bound: Callable[[tuple[int, ...]], None] | None = None,
+    ) -> Outcome:
+        """Search until done, `on_answer` returns False, the limit (seconds) ends, or Ctrl-C; keep what was found."""
+        outcome = Outcome()
+        literals = {self._literal(atom): atom for atom in assume}
+
+        def model(found: clingo.Model) -> bool | None:
+            answer = _answer(found)
+            outcome.answers.append(answer)
+            return None if on_answer is None else on_answer(answer)
+
+        def unsatisfiable(bound: Sequence[int]) -> None:
+            outcome.bound = tuple(bound)
+            if on_bound is not None:
+                on_bound(outcome.bound)
+
+        deadline = None if limit is None else time.monotonic() + limit
+        try:
+            with self._control.solve(
+                list(literals), on_model=model, on_unsat=unsatisfiable, async_=True
+            ) as handle:
+                self._wait(handle, deadline, outcome)
+                result = handle.get()
+                if result.unsatisfiable and literals:
+                    outcome.core = tuple(literals[literal] for literal in handle.core() if literal in literals)
+        except RuntimeError as error:
+            self._raise(error)
+        self._raise(None)
+        outcome.complete = bool(result.exhausted or result.unsatisfiable)
+        return outcome
+
+    def statistics(self) -> dict[str, int]:
+        """Return how often the last search chose and failed, and how many clauses of each kind were added."""
+        counts = {} if self._lazy is None else dict(sorted(self._lazy.counts.items()))
+        solvers = self._control.statistics["solving"]["solvers"]
+        return {"choices": int(solvers["choices"]), "conflicts": int(solvers["conflicts"]), **counts}
+
+    def _wait(self, handle: clingo.SolveHandle, deadline: float | None, outcome: Outcome) -> None:
+        try:
+            while not handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0))):
+                if deadline is not None and time.monotonic() >= deadline:
+                    outcome.interrupted = True
+                    break
+        except KeyboardInterrupt:
+            outcome.interrupted = True
+            if not outcome.answers:
+                raise
+        finally:
+            if outcome.interrupted:
+                handle.cancel()
+
+    def _literal(self, atom: Atom) -> int:
+        name, number = atom
+        found = self._control.symbolic_atoms[clingo.Function(name, [clingo.Number(number)])]
+        if found is None:
+            raise SolverError(f"no atom {name}({number}) to assume")
+        return found.literal
+
+    def _log(self, code: clingo.MessageCode, message: str) -> None:
+        self.messages.append(message.strip())
+
+    def _raise(self, error: RuntimeError | None) -> None:
+        """Re-raise what went wrong inside the propagator: clingo itself reports only a RuntimeError."""
+        if self._lazy is not None and self._lazy.error is not None:
+            raise self._lazy.error
+        if error is not None:
+            raise SolverError("\n".join([str(error), *self.messages])) from error
+
+
+def _answer(model: clingo.Model) -> Answer:
+    atoms: dict[str, list[int]] = {}
+    for symbol in model.symbols(shown=True):
+        atoms.setdefault(symbol.name, []).append(symbol.arguments[0].number)
+    return Answer(
+        {name: tuple(sorted(numbers)) for name, numbers in atoms.items()},
+        tuple(model.cost),
+        model.optimality_proven,
+    )
+
+
+class _Lazy(clingo.Propagator):
+    """Ask the theory about each total assignment, and add its clauses one by one.
+
+    clingo accepts no further clause after one that contradicts the assignment, so the rest waits for the next
+    check; and it calls `check` with assignments that are not total, after clauses were added.
+    """
+
+    def __init__(self, theory: LazyTheory) -> None:
+        self.theory = theory
+        self.counts: dict[str, int] = {}
+        self.error: BaseException | None = None
+        self._literals: dict[Atom, int] = {}
+        self._waiting: deque[list[int]] = deque()
+
+    def init(self, init: clingo.PropagateInit) -> None:
+        init.check_mode = clingo.PropagatorCheckMode.Total
+        self._waiting.clear()
+        for name in self.theory.predicates:
+            for atom in init.symbolic_atoms.by_signature(name, 1):
+                self._literals[name, atom.symbol.arguments[0].number] = init.solver_literal(atom.literal)
+
+    def check(self, control: clingo.PropagateControl) -> None:
+        try:
+            self._check(control)
+        except BaseException as error:
+            self.error = error
+            raise
+
+    def _check(self, control: clingo.PropagateControl) -> None:
+        if not self._add_waiting(control) or not control.assignment.is_total:
+            return
+        is_true = control.assignment.is_true
+        true: dict[str, list[int]] = {name: [] for name in self.theory.predicates}
+        for (name, number), literal in self._literals.items():
+            if is_true(literal):
+                true[name].append(number)
+        for kind, clause in self.theory.refute(true):
+            self.counts[kind] = self.counts.get(kind, 0) + 1
+            self._waiting.append(
+                [
+                    self._literals[atom] if wanted else -self._literals[atom]
+                    for atom, wanted in clause
+                    if not wanted or atom in self._literals
+                ]
+            )
+        self._add_waiting(control)
+
+    def _add_waiting(self, control: clingo.PropagateControl) -> bool:
+        while self._waiting:
+            if not control.add_clause(self._waiting.popleft()) or not control.propagate():
+                return False
+        return True

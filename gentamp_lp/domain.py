@@ -1,0 +1,101 @@
+"""A planning domain on disk: `domain.pddl`, `stream.pddl`, and the Python package beside them."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.resources import resource
+from gentamp_lp.streams.pddl import Domain, Stream, parse_domain, parse_streams
+
+#: What the package of a domain must define; `domains/tabletop` is the worked example.
+HOOKS = ("Scene", "make_world", "stream_map")
+
+
+@dataclass(frozen=True)
+class DomainFolder:
+    """A loaded domain: its language and its Python code."""
+
+    path: Path
+    domain: Domain
+    streams: tuple[Stream, ...]
+    code: ModuleType
+
+
+_LOADED: dict[Path, DomainFolder] = {}
+
+
+def load_domain(name: str, beside: Path | None = None, *, trust: bool = False) -> DomainFolder:
+    """Load a domain by path (relative to the task file's folder) or by the name of a shipped one.
+
+    A domain's samplers are Python code: those of a stranger run only with `trust`. Raises InputError.
+    """
+    local = (beside / name) if beside else Path(name)
+    shipped = resource("domains", name)
+    path = (local if (local / "domain.pddl").is_file() else shipped).resolve()
+    if not (path / "domain.pddl").is_file():
+        known = ", ".join(sorted(p.parent.name for p in resource("domains").glob("*/domain.pddl")))
+        raise InputError(Diagnostic(f"no domain `{name}`", hint=f"give a folder with a domain.pddl, or one of: {known}"))
+    if path in _LOADED:
+        return _LOADED[path]
+    if path.parent != resource("domains").resolve() and not trust:
+        raise InputError(
+            Diagnostic("the samplers of this domain are Python code from outside gentamp-lp", path,
+                       hint="read them, then pass --trust")
+        )  # fmt: skip
+    domain = parse_domain(_read(path / "domain.pddl"), path / "domain.pddl")
+    streams = parse_streams(_read(path / "stream.pddl"), domain, path / "stream.pddl")
+    folder = DomainFolder(path, domain, streams, _import(path))
+    _LOADED[path] = folder
+    return folder
+
+
+def check_stream_map(folder: DomainFolder, generators: Mapping[str, Any]) -> None:
+    """Compare the declared streams with the ones that have Python code. Raises InputError."""
+    declared = {s.name for s in folder.streams}
+    problems = []
+    for stream in folder.streams:
+        if stream.name not in generators:
+            hint = f"add it to `stream_map` in {folder.path.name}, or remove the declaration"
+            problems.append(
+                Diagnostic(f"stream `{stream.name}` has no Python sampler", folder.path / "stream.pddl", stream.line,
+                           hint=hint)
+            )  # fmt: skip
+    for name in sorted(set(generators) - declared):
+        problems.append(
+            Diagnostic(f"sampler `{name}` is not declared", folder.path / "stream.pddl", hint=f"declare (:stream {name} ...)")
+        )
+    if problems:
+        raise InputError(*problems)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
+
+
+def _import(path: Path) -> ModuleType:
+    name = f"gentamp_domain_{path.name}"
+    init = path / "__init__.py"
+    spec = importlib.util.spec_from_file_location(name, init, submodule_search_locations=[str(path)])
+    if spec is None or spec.loader is None or not init.is_file():
+        raise InputError(Diagnostic("the domain has no Python package", init, hint="see docs/domains.md"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise InputError(Diagnostic(f"the domain's Python code fails to load: {error!r}", init)) from error
+    missing = [hook for hook in HOOKS if not hasattr(module, hook)]
+    if missing:
+        raise InputError(Diagnostic(f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md"))
+    return module

@@ -1,0 +1,250 @@
+"""PyBullet, the only module that imports it: loading, inverse kinematics, distances and pictures.
+
+PyBullet writes greetings and warnings straight to the file descriptors of the process. They are held back
+while a call runs; known chatter is dropped and the rest goes to stderr, so that stdout stays clean.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from gentamp_lp.geometry.shapes import Rgba, Shape
+from gentamp_lp.geometry.transforms import Array, quaternion, rotation
+
+_CHATTER = ("pybullet build time", "argv[0]=", "startThreads", "started thread")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Hold back what the process writes meanwhile; afterwards pass all but known chatter to stderr."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = os.dup(1), os.dup(2)
+    with tempfile.TemporaryFile() as held:
+        try:
+            os.dup2(held.fileno(), 1)
+            os.dup2(held.fileno(), 2)
+            yield
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for descriptor, copy in zip((1, 2), saved, strict=True):
+                os.dup2(copy, descriptor)
+                os.close(copy)
+            held.seek(0)
+            for line in held.read().decode(errors="replace").splitlines():
+                if line.strip() and not line.startswith(_CHATTER):
+                    print(line, file=sys.stderr)  # noqa: T201
+
+
+with _quiet():
+    import pybullet
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from, in metres, pixels and degrees; light coefficients are from 0 to 1."""
+
+    eye: tuple[float, float, float] = (1.50, -0.90, 0.82)
+    target: tuple[float, float, float] = (0.28, 0.0, 0.27)
+    angle: float = 34.0
+    width: int = 800
+    height: int = 600
+    light: tuple[float, float, float] = (0.6, -1.0, 1.6)
+    ambient: float = 0.55
+    diffuse: float = 0.50
+    specular: float = 0.10
+
+
+class Bullet:
+    """A private PyBullet world without a window; use it as a context manager or call `close`."""
+
+    def __init__(self) -> None:
+        self.client: int = pybullet.connect(pybullet.DIRECT)
+        if self.client < 0:
+            raise RuntimeError("PyBullet gave no connection")
+
+    def close(self) -> None:
+        """End the world; calling it again does nothing."""
+        if self.client >= 0:
+            pybullet.disconnect(physicsClientId=self.client)
+            self.client = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # bodies
+
+    def load(self, urdf: Path) -> int:
+        """Load a URDF with its base fixed at the origin and return the body. Raises pybullet.error."""
+        with _quiet():
+            return int(pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=self.client))
+
+    def add(self, shape: Shape, pose: Array) -> int:
+        """Add the solid parts of a shape as one movable, massless body and return it."""
+        kinds = {"box": pybullet.GEOM_BOX, "cylinder": pybullet.GEOM_CYLINDER}
+        boxes = [[s / 2 for s in p.size] if p.kind == "box" else [0.0] * 3 for p in shape.parts]
+        rounds = [(0.0, 0.0) if p.kind == "box" else (p.size[0], p.size[1]) for p in shape.parts]
+        pieces: dict[str, Any] = {
+            "shapeTypes": [kinds[p.kind] for p in shape.parts],
+            "halfExtents": boxes,
+            "radii": [radius for radius, _ in rounds],
+            "lengths": [height for _, height in rounds],
+        }
+        positions = [p.pose[:3, 3].tolist() for p in shape.parts]
+        turns = [quaternion(p.pose).tolist() for p in shape.parts]
+        collision = pybullet.createCollisionShapeArray(
+            **pieces,
+            collisionFramePositions=positions,
+            collisionFrameOrientations=turns,
+            physicsClientId=self.client,
+        )
+        visual = pybullet.createVisualShapeArray(
+            **pieces,
+            rgbaColors=[shape.rgba] * len(shape.parts),
+            visualFramePositions=positions,
+            visualFrameOrientations=turns,
+            physicsClientId=self.client,
+        )
+        return self._body(collision, visual, pose)
+
+    def add_hull(self, vertices: Array, rgba: Rgba, pose: Array, look: Path | None = None) -> int:
+        """Add the convex hull of vertices (n, 3) as a movable, massless body and return it.
+
+        `look` is a mesh file that is drawn in its place.
+        """
+        corners = vertices.tolist()
+        with _quiet():
+            collision = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=corners, physicsClientId=self.client
+            )
+            visual = -1
+            if look is not None:
+                visual = pybullet.createVisualShape(
+                    pybullet.GEOM_MESH, fileName=str(look), rgbaColor=rgba, physicsClientId=self.client
+                )
+        return self._body(collision, visual, pose)
+
+    def _body(self, collision: int, visual: int, pose: Array) -> int:
+        """Make a massless body. Raises RuntimeError when PyBullet refuses."""
+        body = pybullet.createMultiBody(
+            baseMass=0,
+            baseCollisionShapeIndex=collision,
+            baseVisualShapeIndex=visual,
+            basePosition=pose[:3, 3].tolist(),
+            baseOrientation=quaternion(pose).tolist(),
+            physicsClientId=self.client,
+        )
+        if min(collision, body) < 0:
+            raise RuntimeError("PyBullet could not make the body")
+        return int(body)
+
+    def move(self, body: int, pose: Array) -> None:
+        """Put the base of a body at a pose."""
+        pybullet.resetBasePositionAndOrientation(
+            body, pose[:3, 3].tolist(), quaternion(pose).tolist(), physicsClientId=self.client
+        )
+
+    def pose(self, body: int, link: int = -1) -> Array:
+        """Return the 4×4 pose of the base (-1) or of the URDF frame of a link."""
+        if link < 0:
+            position, turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
+        else:
+            state = pybullet.getLinkState(
+                body, link, computeForwardKinematics=True, physicsClientId=self.client
+            )
+            position, turn = state[4], state[5]
+        result = np.eye(4)
+        result[:3, :3] = rotation(np.array(turn))
+        result[:3, 3] = position
+        return result
+
+    # robots
+
+    def links(self, body: int) -> dict[str, int]:
+        """Return the link names of a body and their indices."""
+        count = pybullet.getNumJoints(body, physicsClientId=self.client)
+        infos = [pybullet.getJointInfo(body, i, physicsClientId=self.client) for i in range(count)]
+        return {info[12].decode(): info[0] for info in infos}
+
+    def set_joints(self, body: int, joints: Sequence[int], values: Sequence[float] | Array) -> None:
+        """Set joint positions (rad or m)."""
+        for joint, value in zip(joints, values, strict=True):
+            pybullet.resetJointState(body, joint, float(value), physicsClientId=self.client)
+
+    def inverse_kinematics(
+        self, body: int, link: int, target: Array, joints: Sequence[int], start: Array, iterations: int
+    ) -> Array:
+        """Return joint values near `target` (4×4, for the URDF frame of `link`), iterated from `start`.
+
+        Limits are not considered and nothing is promised about the residual: the caller checks both.
+        (With limit arguments PyBullet practically never converges to 1 mm.)
+        """
+        self.set_joints(body, joints, start)
+        values = pybullet.calculateInverseKinematics(
+            body,
+            link,
+            target[:3, 3].tolist(),
+            quaternion(target).tolist(),
+            maxNumIterations=iterations,
+            residualThreshold=1e-5,
+            physicsClientId=self.client,
+        )
+        return np.array(values[: len(joints)])
+
+    def limits(self, body: int, joints: Sequence[int]) -> tuple[Array, Array]:
+        """Return the lower and upper (hard) limits that the URDF gives for joints."""
+        infos = [pybullet.getJointInfo(body, j, physicsClientId=self.client) for j in joints]
+        return np.array([i[8] for i in infos]), np.array([i[9] for i in infos])
+
+    # distances
+
+    def closest(
+        self, first: int, second: int, within: float, link: int | None = None
+    ) -> list[tuple[int, float, Array]]:
+        """Return where two bodies are no farther apart than `within` (m), only at `link` of the first if given.
+
+        Each entry is the link of the first body, the distance (negative: penetration depth) and the point (3,)
+        on the second body.
+        """
+        options = {} if link is None else {"linkIndexA": link}
+        points = pybullet.getClosestPoints(first, second, within, physicsClientId=self.client, **options)
+        return [(point[3], point[8], np.array(point[6])) for point in points or ()]
+
+    # pictures
+
+    def picture(self, view: Camera) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        """Return what a camera sees, rendered in software with shadows: (height, width, 3), 0 to 255."""
+        look = pybullet.computeViewMatrix(view.eye, view.target, (0.0, 0.0, 1.0))
+        lens = pybullet.computeProjectionMatrixFOV(view.angle, view.width / view.height, 0.05, 10.0)
+        image = pybullet.getCameraImage(
+            view.width,
+            view.height,
+            look,
+            lens,
+            lightDirection=view.light,
+            lightColor=(1.0, 1.0, 1.0),
+            lightDistance=4.0,
+            lightAmbientCoeff=view.ambient,
+            lightDiffuseCoeff=view.diffuse,
+            lightSpecularCoeff=view.specular,
+            shadow=1,
+            renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+        )
+        return np.reshape(np.asarray(image[2], dtype=np.uint8), (view.height, view.width, 4))[:, :, :3]

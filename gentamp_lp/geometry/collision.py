@@ -1,0 +1,126 @@
+"""Exact collision tests with FCL: pairs of shapes, and everything a robot sweeps through.
+
+Boxes, cylinders and convex hulls are solid (an object wholly inside another collides with it). Two bodies
+that touch collide; a gap of `shapes.GAP` does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import fcl
+import numpy as np
+
+from gentamp_lp.geometry.shapes import Part, Shape
+from gentamp_lp.geometry.transforms import Array
+
+Geometry: TypeAlias = Any
+"""An FCL collision geometry."""
+
+_REQUEST = fcl.CollisionRequest(num_max_contacts=1)
+
+
+def convex(vertices: Array, faces: Sequence[Sequence[int]] | np.ndarray[Any, Any]) -> Geometry:
+    """Return the FCL geometry of a convex mesh: vertices (n, 3) in m, faces (m, 3).
+
+    Raises ValueError for a mesh without volume, on which FCL would crash.
+    """
+    triangles = np.asarray(faces, dtype=np.int64)
+    points = np.ascontiguousarray(vertices, dtype=np.float64)
+    if len(points) < 4 or len(triangles) < 4 or not np.isfinite(points).all():
+        raise ValueError("a convex mesh needs at least four finite vertices and four faces")
+    if np.linalg.matrix_rank(points - points[0], tol=1e-9) < 3:
+        raise ValueError("a convex mesh must not be flat")
+    flat = np.hstack([np.full((len(triangles), 1), 3), triangles]).ravel()
+    return fcl.Convex(points, len(triangles), flat)
+
+
+@lru_cache(maxsize=4096)
+def geometry(part: Part) -> Geometry:
+    """Return the FCL geometry of a part, centred at the part's own centre."""
+    return fcl.Box(*part.size) if part.kind == "box" else fcl.Cylinder(*part.size)
+
+
+def placed(part: Part, pose: Array) -> fcl.CollisionObject:
+    """Return a part of an object at `pose` as an FCL object."""
+    rotation = pose[:3, :3]
+    centre = rotation @ part.xyz + pose[:3, 3]
+    if part.yaw:
+        rotation = rotation @ part.pose[:3, :3]
+    return fcl.CollisionObject(geometry(part), fcl.Transform(rotation, centre))
+
+
+def collide(shape_a: Shape, pose_a: Array, shape_b: Shape, pose_b: Array, *, envelope: bool = True) -> bool:
+    """Tell whether two placed shapes overlap; with `envelope`, their envelopes count as solid too."""
+    reach = shape_a.radius + shape_b.radius
+    dx, dy, dz = (pose_a[:3, 3] - pose_b[:3, 3]).tolist()
+    if dx * dx + dy * dy + dz * dz > reach * reach:
+        return False
+    others = [placed(part, pose_b) for part in shape_b.volumes(envelope=envelope)]
+    for part in shape_a.volumes(envelope=envelope):
+        body = placed(part, pose_a)
+        for other in others:
+            if fcl.collide(body, other, _REQUEST, fcl.CollisionResult()):
+                return True
+    return False
+
+
+def hits_table(shape: Shape, pose: Array) -> bool:
+    """Tell whether a placed shape reaches below the top of the fixed table, the plane z = 0."""
+    for part in shape.parts:
+        frame = pose @ part.pose
+        if part.kind == "box":
+            down = float(np.abs(frame[2, :3]) @ np.array(part.size)) / 2
+        else:
+            radius, height = part.size
+            down = float(radius * np.hypot(frame[2, 0], frame[2, 1]) + height / 2 * abs(frame[2, 2]))
+        if frame[2, 3] - down < 0:
+            return True
+    return False
+
+
+def _stop_at_first(first: Any, second: Any, data: Any) -> bool:
+    """Broadphase callback: true ends the query."""
+    if fcl.collide(first, second, data.request, data.result):
+        data.done = True
+    return bool(data.done)
+
+
+def _manager(objects: list[fcl.CollisionObject]) -> fcl.DynamicAABBTreeCollisionManager | None:
+    """Return a broadphase manager of the objects, None when there are none."""
+    if not objects:
+        return None
+    manager = fcl.DynamicAABBTreeCollisionManager()
+    manager.registerObjects(objects)
+    manager.setup()
+    return manager
+
+
+class Swept:
+    """A fixed set of placed bodies, built once and queried often.
+
+    `solid` are FCL objects, e.g. the links of a robot and a held object along a path; `space` are those that
+    count only when envelopes do.
+    """
+
+    def __init__(
+        self, solid: Iterable[fcl.CollisionObject], space: Iterable[fcl.CollisionObject] = ()
+    ) -> None:
+        self.solid = list(solid)
+        self.space = list(space)
+        self._managers = [m for m in (_manager(self.solid),) if m]
+        self._with_space = self._managers + [m for m in (_manager(self.space),) if m]
+
+    def hits(self, shape: Shape, pose: Array, *, envelope: bool = True) -> bool:
+        """Tell whether a placed shape overlaps any body; `envelope` counts the envelopes of both sides."""
+        managers = self._with_space if envelope else self._managers
+        for part in shape.volumes(envelope=envelope):
+            body = placed(part, pose)
+            for manager in managers:
+                data = fcl.CollisionData()
+                manager.collide(body, data, _stop_at_first)
+                if data.result.is_collision:
+                    return True
+        return False

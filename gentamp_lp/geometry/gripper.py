@@ -1,0 +1,82 @@
+"""A free-flying parallel gripper with the measures of the Panda's hand: the cheap robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gentamp_lp.geometry.assets import data_path
+from gentamp_lp.geometry.robots import STANDOFF, STEPS, Link, Robot, Trajectory
+from gentamp_lp.geometry.transforms import Array, quaternion, rotation
+
+TOOL = 0.105
+"""Distance (m) of the tool origin from the hand's frame along the approach."""
+
+KNUCKLE = 0.0584
+"""Distance (m) of the fingers' frames from the hand's frame along the approach."""
+
+OPENING = 0.08
+"""Largest finger distance (m)."""
+
+_BACK = np.linspace(-STANDOFF, 0.0, STEPS + 1)
+
+
+def finger_frames(hands: Array, opening: float) -> Array:
+    """Return the poses (n, 2, 4, 4) of the two fingers of hands (n, 4, 4)."""
+    left = np.eye(4)
+    left[:3, 3] = 0.0, opening / 2, KNUCKLE
+    right = np.diag([-1.0, -1.0, 1.0, 1.0])
+    right[:3, 3] = 0.0, -opening / 2, KNUCKLE
+    return np.asarray(hands[:, None] @ np.stack([left, right]))
+
+
+def approach_poses(tool_pose: Array) -> Array:
+    """Return the tool poses (STEPS + 1, 4, 4) of the straight approach that ends at `tool_pose`."""
+    result = np.repeat(tool_pose[None], STEPS + 1, axis=0)
+    result[:, :3, 3] += _BACK[:, None] * tool_pose[:3, 2]
+    return result
+
+
+def _block(name: str, look: str, lower: tuple[float, ...], upper: tuple[float, ...]) -> Link:
+    """Return a box-shaped link between two corners, drawn as a mesh of the Panda."""
+    corners = np.array([[(lower, upper)[i][0], (lower, upper)[j][1], (lower, upper)[k][2]]
+                        for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+             [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
+    return Link(name, corners, np.array(faces), data_path("franka_panda", "meshes", "visual", look))
+
+
+class Gripper(Robot):
+    """Hand and two fingers that fly; a configuration is the tool's position and quaternion (x, y, z, w)."""
+
+    def __init__(self) -> None:
+        self.name = "gripper"
+        self.opening = OPENING
+        self.home = np.array([0.3, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
+        finger = (-0.0105, 0.0, 0.0), (0.0105, 0.0265, 0.054)
+        self.links = (
+            _block("hand", "hand.obj", (-0.032, -0.104, -0.026), (0.032, 0.101, 0.066)),
+            _block("left_finger", "finger.obj", *finger),
+            _block("right_finger", "finger.obj", *finger),
+        )
+
+    def tools(self, configurations: Array) -> Array:
+        """Return the tool poses (n, 4, 4) of configurations (n, 7)."""
+        result = np.zeros((len(configurations), 4, 4))
+        result[:, :3, :3] = rotation(configurations[:, 3:])
+        result[:, :3, 3] = configurations[:, :3]
+        result[:, 3, 3] = 1.0
+        return result
+
+    def frames(self, configurations: Array, opening: float) -> Array:
+        """Return the poses (n, 3, 4, 4) of the hand and the fingers."""
+        hands = self.tools(configurations)
+        hands[:, :3, 3] -= TOOL * hands[:, :3, 2]
+        return np.concatenate([hands[:, None], finger_frames(hands, opening)], axis=1)
+
+    def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
+        """Return the straight approach to a tool pose, None when it would touch the table."""
+        poses = approach_poses(tool_pose)
+        turn = quaternion(tool_pose)
+        configurations = np.column_stack([poses[:, :3, 3], np.broadcast_to(turn, (len(poses), 4))])
+        ends = configurations[[0, -1]]  # the path is straight: its ends decide
+        return Trajectory(configurations, opening) if self.above_table(self.frames(ends, opening)) else None

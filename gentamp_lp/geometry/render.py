@@ -1,0 +1,101 @@
+"""Pictures: a still PNG of a scene and an animated GIF of a plan, rendered in software."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from PIL import Image
+
+from gentamp_lp.geometry.bullet import Bullet, Camera
+from gentamp_lp.geometry.models import load_model
+from gentamp_lp.geometry.robots import Robot
+from gentamp_lp.geometry.shapes import Rgba, Shape, box
+from gentamp_lp.geometry.transforms import Array, pose
+
+STILL = Camera()
+"""View of a still picture."""
+
+MOVIE = replace(STILL, width=480, height=360)
+"""View of an animation."""
+
+_TABLE: Rgba = (0.80, 0.72, 0.62, 1.0)
+
+
+class Scene:
+    """A robot at a table with objects, to be looked at. Use it as a context manager or call `close`.
+
+    `table` holds the lower and the upper corner (x, y) of the table top at z = 0, in m.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        table: tuple[tuple[float, float], tuple[float, float]] = ((-0.25, -0.65), (0.85, 0.65)),
+    ) -> None:
+        self._world = Bullet()
+        self._model = load_model(self._world, robot)
+        self._bodies: dict[str, int] = {}
+        (x0, y0), (x1, y1) = table
+        top = box(x1 - x0, y1 - y0, 0.04, _TABLE)
+        self._world.add(top, pose((x0 + x1) / 2, (y0 + y1) / 2, -0.04))
+        for x in (x0 + 0.05, x1 - 0.05):
+            for y in (y0 + 0.05, y1 - 0.05):
+                self._world.add(box(0.06, 0.06, 0.66, _TABLE), pose(x, y, -0.70))
+
+    def close(self) -> None:
+        """Free the PyBullet world."""
+        self._world.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def add(self, name: str, shape: Shape, pose: Array) -> None:
+        """Add an object; its colour is that of the shape."""
+        self._bodies[name] = self._world.add(shape, pose)
+
+    def move(self, name: str, pose: Array) -> None:
+        """Put an object elsewhere. Raises KeyError for an unknown name."""
+        self._world.move(self._bodies[name], pose)
+
+    def set_robot(self, configuration: Array, opening: float) -> None:
+        """Let the robot take on a configuration (dof,) with a finger distance (m)."""
+        self._model.set(configuration, opening)
+
+    def picture(self, camera: Camera = STILL, samples: int = 2) -> Image.Image:
+        """Return what the camera sees; each pixel is averaged over `samples`² to smooth the edges."""
+        fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
+        image = Image.fromarray(self._world.picture(fine))
+        return image.resize((camera.width, camera.height), Image.Resampling.LANCZOS)
+
+
+def save_still(image: Image.Image, path: Path) -> None:
+    """Write a picture as PNG."""
+    image.save(path, format="PNG", optimize=True)
+
+
+def save_movie(
+    images: Iterable[Image.Image], path: Path, *, seconds: float = 0.1, pause: float = 1.0
+) -> None:
+    """Write pictures as a GIF that repeats; each shows for `seconds`, the last one for `pause` longer.
+
+    All share one palette, made from the first, so that the background does not flicker. Raises ValueError when
+    there is no picture.
+    """
+    frames = list(images)
+    if not frames:
+        raise ValueError("a movie needs at least one picture")
+    palette = frames[0].quantize(128)
+    reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    times = [round(1000 * seconds)] * (len(reduced) - 1) + [round(1000 * (seconds + pause))]
+    reduced[0].save(
+        path, format="GIF", save_all=True, append_images=reduced[1:], duration=times, loop=0, optimize=True
+    )

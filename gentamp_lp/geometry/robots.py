@@ -1,0 +1,165 @@
+"""What a robot can do: grasp, reach a tool pose along a straight approach, sweep a volume."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import fcl
+import numpy as np
+
+from gentamp_lp.errors import InputError
+from gentamp_lp.geometry.collision import Geometry, Swept, convex, placed
+from gentamp_lp.geometry.grasping import Approach, Grasp, grasps
+from gentamp_lp.geometry.shapes import Shape
+from gentamp_lp.geometry.transforms import Array, inverse
+
+__all__ = ["STANDOFF", "STEPS", "Approach", "Body", "Grasp", "Link", "Robot", "Trajectory", "make_robot"]
+
+STANDOFF = 0.10
+"""Length (m) of the straight approach."""
+
+STEPS = 5
+"""Steps of an approach; each is `STANDOFF / STEPS` = 2 cm long."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A straight approach: configurations (n, dof) from `STANDOFF` before the tool pose to that pose.
+
+    `opening` is the finger distance (m) throughout.
+    """
+
+    configurations: Array
+    opening: float
+
+
+class Link:
+    """A convex rigid body of a robot: a mesh in its own frame, vertices (n, 3) in m and triangles (m, 3).
+
+    `look` is a finer mesh file to draw.
+    """
+
+    def __init__(self, name: str, vertices: Array, faces: Array, look: Path | None = None) -> None:
+        self.name = name
+        self.look = look
+        self.vertices = vertices
+        self.faces = faces
+        self.geometry: Geometry = convex(vertices, faces)
+        self.centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        self.radius = float(np.linalg.norm(vertices - self.centre, axis=1).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A link and its 4×4 pose in the world."""
+
+    link: Link
+    pose: Array
+
+
+class Robot(ABC):
+    """A robot with a parallel gripper whose base stands at the world's origin, flush with the table.
+
+    Subclasses set the attributes: `name`; `opening`, the largest finger distance (m); `home`, a configuration
+    (dof,); `links`; `fixed`, how many of the first links may touch the table (they belong to the base);
+    `urdf`, a file that describes the robot, with the links `tip` (the tool frame) and `fingers`.
+    """
+
+    name: str
+    opening: float
+    home: Array
+    links: tuple[Link, ...]
+    fixed: int = 0
+    urdf: Path | None = None
+    tip: str = ""
+    fingers: tuple[str, ...] = ("left_finger", "right_finger")
+
+    def close(self) -> None:  # noqa: B027 (most robots hold nothing)
+        """Free what the robot holds."""
+
+    # kinematics
+
+    @abstractmethod
+    def tools(self, configurations: Array) -> Array:
+        """Return the tool poses (n, 4, 4) of configurations (n, dof)."""
+
+    @abstractmethod
+    def frames(self, configurations: Array, opening: float) -> Array:
+        """Return the poses (n, number of links, 4, 4) of all links."""
+
+    @abstractmethod
+    def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
+        """Return an approach that ends with the tool at `tool_pose` (4×4), or None when none was found.
+
+        The end is exact within 1 mm and 1 degree; every configuration keeps the joint limits and is free of
+        collision with the robot itself and with the table. Other objects are not considered: see `swept`.
+        """
+
+    def tool(self, configuration: Array) -> Array:
+        """Return the tool pose (4×4) of a configuration (dof,)."""
+        return np.asarray(self.tools(np.asarray(configuration)[None])[0])
+
+    # grasping
+
+    def grasps(self, shape: Shape, approach: Approach = "top") -> Iterator[Grasp]:
+        """Yield the grasps of a shape that fit the gripper, always in the same order."""
+        return grasps(shape, self.opening, approach)
+
+    # volumes
+
+    def bodies(self, configuration: Array, opening: float) -> list[Body]:
+        """Return all links with their poses."""
+        frames = self.frames(np.asarray(configuration)[None], opening)[0]
+        return [Body(link, frame) for link, frame in zip(self.links, frames, strict=True)]
+
+    def swept(self, trajectory: Trajectory, held: Shape | None = None, grasp: Grasp | None = None) -> Swept:
+        """Return all that the robot occupies along a trajectory, and the held object with it.
+
+        The held object moves with the tool all the way, so the same volume serves picking (backwards) and
+        placing. Callers leave the grasped object itself out of their queries, and need not ask about the
+        table: `reach` did. Raises ValueError for `held` without `grasp`.
+        """
+        frames = self.frames(trajectory.configurations, trajectory.opening)
+        solid = [
+            fcl.CollisionObject(link.geometry, fcl.Transform(frame[:3, :3], frame[:3, 3]))
+            for step in frames
+            for link, frame in zip(self.links, step, strict=True)
+        ]
+        if held is None:
+            return Swept(solid)
+        if grasp is None:
+            raise ValueError("a held object needs a grasp")
+        space = []
+        for pose in self.tools(trajectory.configurations) @ inverse(grasp.tool):
+            solid.extend(placed(part, pose) for part in held.parts)
+            if held.envelope is not None:
+                space.append(placed(held.envelope, pose))
+        return Swept(solid, space)
+
+    def above_table(self, frames: Array) -> bool:
+        """Tell whether all moving links, posed by `frames` (n, links, 4, 4), stay above the table."""
+        for index in range(self.fixed, len(self.links)):
+            rows = frames[:, index, 2]
+            heights = rows[:, :3] @ self.links[index].vertices.T + rows[:, 3:]
+            if heights.min() <= 0:
+                return False
+        return True
+
+
+ROBOTS = ("gripper", "panda")
+
+
+def make_robot(name: str) -> Robot:
+    """Return a robot by name: `gripper` (free-flying hand) or `panda` (Franka Panda). Raises InputError."""
+    if name == "gripper":
+        from gentamp_lp.geometry.gripper import Gripper
+
+        return Gripper()
+    if name == "panda":
+        from gentamp_lp.geometry.panda import Panda
+
+        return Panda()
+    raise InputError(f"unknown robot {name!r}; known robots: {', '.join(ROBOTS)}")

@@ -1,0 +1,190 @@
+"""Object shapes: rigid unions of boxes and cylinders, in metres.
+
+The frame of a shape is at the centre of its bottom face with z up, so an object that stands on a surface at
+height h has a pose with z = h + `GAP` (a gap of exactly 0 counts as a collision).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+
+from gentamp_lp.geometry.transforms import Array, pose
+
+if TYPE_CHECKING:
+    import trimesh
+
+GAP = 0.001
+"""Distance (m) left between an object and what it stands on."""
+
+Rgba = tuple[float, float, float, float]
+
+BLUE: Rgba = (0.30, 0.47, 0.66, 1.0)
+ORANGE: Rgba = (0.95, 0.56, 0.17, 1.0)
+GREY: Rgba = (0.55, 0.57, 0.60, 1.0)
+
+_DIMENSIONS = {"box": 3, "cylinder": 2}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A box (`size` = full lengths x, y, z) or an upright cylinder (`size` = radius, height).
+
+    `xyz` is its centre in the object frame, `yaw` its turn about the vertical.
+    Raises ValueError when the size does not fit the kind or is not positive.
+    """
+
+    kind: Literal["box", "cylinder"]
+    size: tuple[float, ...]
+    xyz: tuple[float, float, float]
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if _DIMENSIONS.get(self.kind) != len(self.size):
+            raise ValueError(
+                f"a part is a box with 3 or a cylinder with 2 sizes, not {self.kind} {self.size}"
+            )
+        if not all(math.isfinite(s) and s > 0 for s in self.size):
+            raise ValueError(f"sizes of a {self.kind} must be positive: {self.size}")
+
+    @cached_property
+    def height(self) -> float:
+        """Vertical length (m)."""
+        return self.size[-1]
+
+    @cached_property
+    def bounds(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Lower and upper corner of the axis-aligned bounding box in the object frame."""
+        if self.kind == "box":
+            c, s = abs(math.cos(self.yaw)), abs(math.sin(self.yaw))
+            x = (c * self.size[0] + s * self.size[1]) / 2
+            y = (s * self.size[0] + c * self.size[1]) / 2
+        else:
+            x = y = self.size[0]
+        z = self.height / 2
+        cx, cy, cz = self.xyz
+        return (cx - x, cy - y, cz - z), (cx + x, cy + y, cz + z)
+
+    @cached_property
+    def pose(self) -> Array:
+        """4×4 pose of the part's centre in the object frame."""
+        return pose(*self.xyz, self.yaw)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rigid object made of parts.
+
+    `handles` are the parts a gripper may grasp (empty: the only part of a single-part shape), `envelope` is
+    extra volume that counts as occupied for other objects and for trajectories (the load space of a tray),
+    `interior` is the flat area that carries other objects: length along x, width along y, height of the floor
+    above the frame.
+    """
+
+    parts: tuple[Part, ...]
+    rgba: Rgba = BLUE
+    handles: tuple[Part, ...] = ()
+    envelope: Part | None = None
+    interior: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.parts:
+            raise ValueError("a shape needs at least one part")
+
+    @property
+    def graspable(self) -> tuple[Part, ...]:
+        """The parts a gripper may grasp."""
+        return self.handles or (self.parts if len(self.parts) == 1 else ())
+
+    @cached_property
+    def bounds(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Lower and upper corner of the bounding box of the solid parts in the object frame."""
+        lower = np.min([p.bounds[0] for p in self.parts], axis=0)
+        upper = np.max([p.bounds[1] for p in self.parts], axis=0)
+        return (float(lower[0]), float(lower[1]), float(lower[2])), (
+            float(upper[0]),
+            float(upper[1]),
+            float(upper[2]),
+        )
+
+    @cached_property
+    def extent(self) -> tuple[float, float, float]:
+        """Lengths of the bounding box of the solid parts along x, y, z."""
+        (x0, y0, z0), (x1, y1, z1) = self.bounds
+        return x1 - x0, y1 - y0, z1 - z0
+
+    @property
+    def height(self) -> float:
+        """Height of the top above the object frame."""
+        return self.bounds[1][2]
+
+    @cached_property
+    def radius(self) -> float:
+        """Radius of a sphere about the object frame that holds all parts and the envelope."""
+        corners = [c for p in self.volumes(envelope=True) for c in zip(*p.bounds, strict=True)]
+        boxes = [corners[i : i + 3] for i in range(0, len(corners), 3)]
+        return max(math.sqrt(sum(max(abs(a), abs(b)) ** 2 for a, b in box)) for box in boxes)
+
+    def volumes(self, *, envelope: bool) -> Iterator[Part]:
+        """The solid parts and, if asked for, the envelope."""
+        yield from self.parts
+        if envelope and self.envelope is not None:
+            yield self.envelope
+
+
+def box(x: float, y: float, z: float, rgba: Rgba = BLUE) -> Shape:
+    """Return a box with full lengths x, y, z (m)."""
+    return Shape((Part("box", (x, y, z), (0.0, 0.0, z / 2)),), rgba)
+
+
+def cylinder(radius: float, height: float, rgba: Rgba = ORANGE) -> Shape:
+    """Return an upright cylinder (m)."""
+    return Shape((Part("cylinder", (radius, height), (0.0, 0.0, height / 2)),), rgba)
+
+
+PLATE = 0.01
+"""Thickness (m) of a tray."""
+
+FIN = (0.04, 0.012, 0.10)
+"""Lengths (m) of the upright fin by which a tray is grasped."""
+
+FIN_DISTANCE = 0.03
+"""Distance (m) of the fin from the short end of the tray."""
+
+
+def tray(length: float, width: float, headroom: float = 0.12, rgba: Rgba = GREY) -> Shape:
+    """Return a flat tray, `length` along x and `width` along y, that carries objects up to `headroom` (m).
+
+    The upright fin beyond the end at +x is the only part to grasp; a gripper closes on it along y and keeps
+    clear of the load. The column above the plate up to `headroom` is the envelope. Lengths in m.
+    """
+    if headroom <= PLATE:
+        raise ValueError(f"the headroom of a tray must exceed its thickness of {PLATE} m, not {headroom}")
+    centre = length / 2 + FIN_DISTANCE + FIN[0] / 2
+    neck = FIN_DISTANCE + FIN[0]
+    plate = Part("box", (length, width, PLATE), (0.0, 0.0, PLATE / 2))
+    arm = Part("box", (neck, FIN[0], PLATE), (length / 2 + neck / 2, 0.0, PLATE / 2))
+    fin = Part("box", FIN, (centre, 0.0, PLATE + FIN[2] / 2))
+    space = Part("box", (length, width, headroom - PLATE), (0.0, 0.0, (headroom + PLATE) / 2))
+    return Shape((plate, arm, fin), rgba, handles=(fin,), envelope=space, interior=(length, width, PLATE))
+
+
+def to_trimesh(shape: Shape) -> trimesh.Trimesh:
+    """Return a coloured mesh of the solid parts, in the object frame."""
+    import trimesh
+
+    meshes = []
+    for part in shape.parts:
+        if part.kind == "box":
+            meshes.append(trimesh.creation.box(extents=part.size, transform=part.pose))
+        else:
+            radius, height = part.size
+            meshes.append(trimesh.creation.cylinder(radius, height, sections=48, transform=part.pose))
+    mesh: Any = trimesh.util.concatenate(meshes)
+    mesh.visual.face_colors = [round(255 * c) for c in shape.rgba]
+    return cast("trimesh.Trimesh", mesh)

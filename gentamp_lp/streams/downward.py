@@ -1,0 +1,206 @@
+"""Fast Downward as a subprocess: write a sampled problem, search it, read the plan.
+
+The translator runs with binary variables (`--invariant-generation-max-candidates 0`): the negation of a
+disjunction over a many-valued variable is otherwise expanded exponentially by the heuristics.
+A test predicate used under negation is sent as its complement (`no-cfree` facts for refuted pairs).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
+from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, normalize, to_pddl
+from gentamp_lp.streams.pddl import Effect
+from gentamp_lp.streams.semantics import FactBase, Program, State, Step
+
+MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
+#: Tried in turn, each with a share of the remaining time; the last one gets all of it.
+SEARCHES = (
+    "eager(alt([tiebreaking([sum([g(),ff()]),ff()]),tiebreaking([sum([g(),ff()]),ff()],pref_only=true)]),"
+    "reopen_closed=true,preferred=[ff()])",
+    "lazy_greedy([ff(),goalcount()],preferred=[ff()])",
+    "lazy_greedy([goalcount()])",
+)
+_SHARES = (0.5, 0.7, 1.0)
+_SOLVED, _UNSOLVABLE, _OUT_OF_MEMORY, _OUT_OF_TIME = {0, 1, 2, 3}, {10, 11, 12}, {20, 22}, {21, 23, 24}
+
+
+def binary() -> Path:
+    """The search program. Raises InputError when the package is missing."""
+    spec = find_spec("up_fast_downward")
+    if spec is not None and spec.submodule_search_locations:
+        path = Path(spec.submodule_search_locations[0], "downward", "builds", "release", "bin", "downward")
+        if path.exists():
+            return path
+    raise InputError(Diagnostic("Fast Downward is missing", hint="pip install up-fast-downward"))
+
+
+def search(
+    program: Program,
+    base: FactBase,
+    state: State,
+    goal: Formula,
+    *,
+    time_limit: float,
+    searches: tuple[str, ...] = SEARCHES,
+) -> list[Step] | None:
+    """Plan over the facts known so far; None when these do not admit a plan.
+
+    Raises LimitReached when every search hit the time or memory limit, SolverError when Fast Downward fails.
+    """
+    deadline = time.monotonic() + time_limit
+    with tempfile.TemporaryDirectory(prefix="gentamp-fd-") as folder:
+        here = Path(folder)
+        domain_text, problem_text = write_problem(program, base, state, goal)
+        (here / "domain.pddl").write_text(domain_text)
+        (here / "problem.pddl").write_text(problem_text)
+        translate = [
+            sys.executable, "-m", "fast_downward.translate", "--invariant-generation-max-candidates", "0",
+            "domain.pddl", "problem.pddl",
+        ]  # fmt: skip
+        code, output = _run(translate, here, deadline - time.monotonic())
+        if code in _UNSOLVABLE:
+            return None
+        if code in _OUT_OF_TIME | _OUT_OF_MEMORY:
+            raise LimitReached("translating the sampled problem for Fast Downward reached its limit")
+        if code != 0:
+            raise SolverError(f"Fast Downward's translator failed with code {code}:\n{output[-2000:]}")
+        for string, share in zip(searches, _SHARES[-len(searches) :], strict=True):
+            left = share * (deadline - time.monotonic())
+            command = [str(binary()), "--search", string]
+            with (here / "output.sas").open("rb") as task:
+                code, output = _run(command, here, left, task)
+            if code in _SOLVED:
+                return _read_plan((here / "sas_plan").read_text(), program)
+            if code in _UNSOLVABLE:
+                return None
+            if code not in _OUT_OF_TIME | _OUT_OF_MEMORY:
+                raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
+        raise LimitReached(f"Fast Downward found no plan within {time_limit:.0f} s and 4 GiB")
+
+
+def _read_plan(text: str, program: Program) -> list[Step]:
+    lines = (line.strip("() ").split() for line in text.splitlines() if line.startswith("("))
+    return [Step(name, tuple(args)) for name, *args in lines]
+
+
+def _limits(seconds: float) -> Callable[[], None]:
+    libc = ctypes.CDLL(None)
+
+    def prepare() -> None:
+        libc.prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: die with the parent
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+        whole = max(1, int(seconds) + 1)
+        resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
+
+    return prepare
+
+
+def _run(command: list[str], folder: Path, seconds: float, stdin: object = None) -> tuple[int, str]:
+    if seconds <= 0:
+        return 23, ""
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        stdin=stdin or subprocess.DEVNULL,  # type: ignore[arg-type]
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": "0"},
+        preexec_fn=_limits(seconds),
+    )
+    try:
+        output, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return 23, ""
+    finally:
+        process.kill()
+        process.communicate()
+    if process.returncode == -signal.SIGXCPU:
+        return 23, output
+    return process.returncode, output
+
+
+def write_problem(program: Program, base: FactBase, state: State, goal: Formula) -> tuple[str, str]:
+    """The sampled problem as two PDDL texts, with refuted tests as `no-...` facts."""
+    goal = normalize(goal)
+    axioms = [a for rows in program.axioms.values() for a in rows]
+    formulas = [goal, *program.preconditions.values(), *(a.body for a in axioms)]
+    formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
+    used = {a.predicate for f in formulas for a in atoms(_complement(f, base))}
+    lines = [f"(define (domain {program.domain.name})", "(:requirements :adl :derived-predicates)"]
+    arities = {p.name: p.arity for p in program.domain.predicates.values()}
+    declared: dict[str, int] = {}
+    for name in sorted(used | program.domain.fluents | set(program.axioms)):
+        if name != "=":
+            declared[name] = arities.get(name, arities.get(name.removeprefix("no-"), 1))
+    lines.append("(:predicates")
+    lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in declared.items()]
+    lines.append(")")
+    for schema in program.domain.actions:
+        precondition = _text(program.preconditions[schema.name], base)
+        effect = " ".join(_effect(e, base) for e in schema.effects)
+        parameters = " ".join(schema.parameters)
+        lines.append(
+            f"(:action {schema.name} :parameters ({parameters}) :precondition {precondition} :effect (and {effect}))"
+        )
+    lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base)})" for a in axioms]
+    domain_text = "\n".join([*lines, ")"])
+    facts = list(_facts(base, declared)) + sorted(state)
+    names = dict.fromkeys(a for f in facts for a in f[1:])
+    names.update(dict.fromkeys(a for atom in atoms(goal) for a in atom.args if not a.startswith("?")))
+    problem = [
+        f"(define (problem sampled) (:domain {program.domain.name})",
+        f"(:objects {' '.join(names)})",
+        "(:init",
+        *(f"({' '.join(fact)})" for fact in facts),
+        ")",
+        f"(:goal {_text(goal, base)}))",
+    ]
+    return domain_text, "\n".join(problem)
+
+
+def _facts(base: FactBase, declared: dict[str, int]) -> Iterator[tuple[str, ...]]:
+    for name in declared:
+        if name.startswith("no-") and name[3:] in base.tests:
+            yield from ((name, *args) for args in base.refuted(name[3:]))
+        else:
+            yield from ((name, *args) for args in base.relation(name).rows)
+
+
+def _complement(formula: Formula, base: FactBase) -> Formula:
+    match formula:
+        case Not(Atom(predicate, args)) if predicate in base.tests:
+            return Atom(f"no-{predicate}", args)
+        case Not(body):
+            return Not(_complement(body, base))
+        case And(parts):
+            return And(tuple(_complement(p, base) for p in parts))
+        case Or(parts):
+            return Or(tuple(_complement(p, base) for p in parts))
+        case Exists(variables, body):
+            return Exists(variables, _complement(body, base))
+        case _:
+            return formula
+
+
+def _text(formula: Formula, base: FactBase) -> str:
+    return to_pddl(_complement(formula, base)).replace("#", "_")
+
+
+def _effect(effect: Effect, base: FactBase) -> str:
+    text = to_pddl(effect.atom) if effect.positive else f"(not {to_pddl(effect.atom)})"
+    if conjuncts(effect.condition):
+        text = f"(when {_text(normalize(effect.condition), base)} {text})"
+    return f"(forall ({' '.join(effect.variables)}) {text})" if effect.variables else text

@@ -1,0 +1,234 @@
+"""The facts of one problem: static ones, the ones streams have certified so far, and lazy tests."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gentamp_lp.streams.formula import Atom
+from gentamp_lp.streams.language import Generator
+from gentamp_lp.streams.pddl import Domain, Stream
+
+Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
+Args = tuple[str, ...]
+
+
+class Relation:
+    """The tuples of one predicate, in the order they came, indexed by argument on first use."""
+
+    def __init__(self, rows: Iterable[Args] = ()) -> None:
+        self.rows: dict[Args, None] = dict.fromkeys(rows)
+        self._index: dict[int, dict[str, list[Args]]] = {}
+
+    def __contains__(self, args: Args) -> bool:
+        return args in self.rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def add(self, args: Args) -> bool:
+        """Add a tuple; False when it was there."""
+        if args in self.rows:
+            return False
+        self.rows[args] = None
+        for position, table in self._index.items():
+            table.setdefault(args[position], []).append(args)
+        return True
+
+    def matches(self, pattern: tuple[str | None, ...]) -> list[Args]:
+        """Tuples that agree with the pattern where it is not None."""
+        best: list[Args] | None = None
+        for position, value in enumerate(pattern):
+            if value is None:
+                continue
+            if position not in self._index:
+                table: dict[str, list[Args]] = {}
+                for row in self.rows:
+                    table.setdefault(row[position], []).append(row)
+                self._index[position] = table
+            found = self._index[position].get(value, [])
+            if best is None or len(found) < len(best):
+                best = found
+        if best is None:
+            return list(self.rows)
+        return [r for r in best if all(p is None or p == v for p, v in zip(pattern, r, strict=True))]
+
+
+EMPTY = Relation()
+
+
+@dataclass
+class StreamStatistics:
+    """How often a stream was called, how often it gave something, and the seconds it took."""
+
+    calls: int = 0
+    successes: int = 0
+    seconds: float = 0.0
+
+
+@dataclass
+class _Source:
+    """One stream on one tuple of inputs."""
+
+    rows: Iterator[Args]
+    drawn: int = 0
+    exhausted: bool = False
+
+
+@dataclass
+class FactBase:
+    """Everything known about one problem besides its fluents. Grows while streams are called.
+
+    Names stand for values: `values[name]` is what the streams' Python code receives.
+    """
+
+    domain: Domain
+    streams: tuple[Stream, ...]
+    generators: Mapping[str, Generator]
+    values: dict[str, Any]
+    sorts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    static: dict[str, Relation] = field(default_factory=dict)
+    statistics: dict[str, StreamStatistics] = field(default_factory=dict)
+    made_by: dict[str, tuple[str, Args, int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.tests: dict[str, Stream] = {}
+        self.makers: dict[str, list[Stream]] = {}
+        self._truth: dict[Fact, bool] = {}
+        self._sources: dict[tuple[str, Args], _Source] = {}
+        self._counts: dict[str, int] = {}
+        for stream in self.streams:
+            self.statistics.setdefault(stream.name, StreamStatistics())
+            for atom in stream.certified:
+                if stream.is_test:
+                    self.tests[atom.predicate] = stream
+                elif stream not in self.makers.setdefault(atom.predicate, []):
+                    self.makers[atom.predicate].append(stream)
+
+    def relation(self, predicate: str) -> Relation:
+        """The known tuples of a static or certified predicate."""
+        return self.static.get(predicate, EMPTY)
+
+    def add(self, fact: Fact) -> bool:
+        """Record a static or certified fact (and the sorts of its entities); False when it was known."""
+        if not self.static.setdefault(fact[0], Relation()).add(fact[1:]):
+            return False
+        for sort, name in zip(self.sorts.get(fact[0], ()), fact[1:], strict=False):
+            self.static.setdefault(sort_predicate(sort), Relation()).add((name,))
+        return True
+
+    def entities(self, sort: str) -> list[str]:
+        """Entities that stand in a position of this sort in some static or certified fact."""
+        return [row[0] for row in self.relation(sort_predicate(sort)).rows]
+
+    def truth(self, predicate: str, args: Args) -> bool:
+        """Whether a static or certified fact holds; tests are run on demand and remembered."""
+        if args in self.relation(predicate):
+            return True
+        stream = self.tests.get(predicate)
+        if stream is None:
+            return False
+        fact = (predicate, *args)
+        if fact not in self._truth:
+            self._truth[fact] = self._run_test(stream, predicate, args)
+        return self._truth[fact]
+
+    def refuted(self, predicate: str) -> Iterator[Args]:
+        """Arguments on which a test predicate was tried and found false."""
+        return (fact[1:] for fact, true in self._truth.items() if not true and fact[0] == predicate)
+
+    def _run_test(self, stream: Stream, predicate: str, args: Args) -> bool:
+        pattern = next(atom.args for atom in stream.certified if atom.predicate == predicate)
+        binding = dict(zip(pattern, args, strict=True))
+        if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return False
+        statistics = self.statistics[stream.name]
+        start = time.perf_counter()
+        row = next(iter(self.generators[stream.name](*(self.values[binding[v]] for v in stream.inputs))), None)
+        statistics.seconds += time.perf_counter() - start
+        statistics.calls += 1
+        if row is None:
+            return False
+        statistics.successes += 1
+        for atom in stream.certified:
+            self.add((atom.predicate, *bind(atom, binding)))
+        return True
+
+    def inputs(self, stream: Stream) -> list[Args]:
+        """All tuples of known entities that satisfy the stream's domain conditions."""
+        bindings: list[dict[str, str]] = [{}]
+        for atom in stream.domain:
+            bindings = [
+                {**binding, **dict(zip(atom.args, row, strict=True))}
+                for binding in bindings
+                for row in self.relation(atom.predicate).matches(tuple(binding.get(a) for a in atom.args))
+            ]
+        return list(dict.fromkeys(tuple(b[v] for v in stream.inputs) for b in bindings))
+
+    def drawn(self, stream: Stream, inputs: Args) -> int:
+        """How many times this stream was asked on these inputs."""
+        source = self._sources.get((stream.name, inputs))
+        return source.drawn if source else 0
+
+    def exhausted(self, stream: Stream, inputs: Args) -> bool:
+        """Whether the stream has nothing more to give on these inputs."""
+        source = self._sources.get((stream.name, inputs))
+        return source.exhausted if source else False
+
+    def draw(self, stream: Stream, inputs: Args) -> Args | None:
+        """Ask a generator stream once; returns the names of its outputs, or None when it gave nothing."""
+        key = (stream.name, inputs)
+        statistics = self.statistics[stream.name]
+        start = time.perf_counter()
+        if key not in self._sources:
+            binding = dict(zip(stream.inputs, inputs, strict=True))
+            if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+                return None
+            values = (self.values[name] for name in inputs)
+            self._sources[key] = _Source(iter(self.generators[stream.name](*values)))
+        source = self._sources[key]
+        if source.exhausted:
+            return None
+        outputs = next(source.rows, None)
+        statistics.seconds += time.perf_counter() - start
+        statistics.calls += 1
+        source.drawn += 1
+        if outputs is None:
+            source.exhausted = True
+            return None
+        if not outputs:  # a failed attempt of a generator that may still succeed later
+            return None
+        statistics.successes += 1
+        return self._certify(stream, inputs, outputs, source.drawn)
+
+    def _certify(self, stream: Stream, inputs: Args, outputs: tuple[Any, ...], draw: int) -> Args:
+        names = []
+        for variable, value in zip(stream.outputs, outputs, strict=True):
+            name = self.new_name(variable[1:])
+            self.values[name] = value
+            self.made_by[name] = (stream.name, inputs, draw)
+            names.append(name)
+        binding = dict(zip(stream.inputs + stream.outputs, (*inputs, *names), strict=True))
+        for atom in stream.certified:
+            self.add((atom.predicate, *bind(atom, binding)))
+        return tuple(names)
+
+    def new_name(self, prefix: str) -> str:
+        """A fresh entity name."""
+        while True:
+            self._counts[prefix] = self._counts.get(prefix, 0) + 1
+            name = f"{prefix}{self._counts[prefix]}"
+            if name not in self.values:
+                return name
+
+
+def sort_predicate(sort: str) -> str:
+    """The predicate that is true of the entities of a sort."""
+    return f"sort-{sort}"
+
+
+def bind(atom: Atom, binding: Mapping[str, str]) -> Args:
+    """The atom's arguments with variables replaced."""
+    return tuple(binding.get(a, a) for a in atom.args)

@@ -1,0 +1,93 @@
+"""The incremental algorithm: sample every stream, level by level, and search what has been sampled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.streams.downward import search
+from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.formula import Formula
+from gentamp_lp.streams.semantics import Program, State, Step, View, apply, precondition_holds
+
+
+def sample(base: FactBase, quota: Mapping[str, int], deadline: float) -> bool:
+    """Ask every generator stream up to `quota[name]` times (default 1) on all inputs known so far.
+
+    Repeats until nothing is left to ask; returns whether any call was made. Raises LimitReached at the deadline.
+    """
+    called = False
+    for _ in base.streams:  # a chain of streams is at most as long as their number within one level
+        again = False
+        for stream in base.streams:
+            if stream.is_test:
+                continue
+            for inputs in base.inputs(stream):
+                while base.drawn(stream, inputs) < quota.get(stream.name, 1):
+                    if base.exhausted(stream, inputs):
+                        break
+                    if time.monotonic() > deadline:
+                        raise LimitReached("the time limit ended stream sampling")
+                    base.draw(stream, inputs)
+                    again = called = True
+        if not again:
+            break
+    return called
+
+
+def run_tests(base: FactBase, deadline: float) -> None:
+    """Evaluate every test stream on all its inputs. Raises LimitReached at the deadline."""
+    for stream in base.streams:
+        if not stream.is_test:
+            continue
+        predicate = stream.certified[0]
+        for inputs in base.inputs(stream):
+            if time.monotonic() > deadline:
+                raise LimitReached("the time limit ended the tests")
+            binding = dict(zip(stream.inputs, inputs, strict=True))
+            base.truth(predicate.predicate, tuple(binding[a] for a in predicate.args))
+
+
+def simulate(program: Program, base: FactBase, state: State, steps: list[Step]) -> list[State] | None:
+    """States along a plan, or None when a step is not applicable."""
+    states = [state]
+    for step in steps:
+        view = View(program, base, states[-1])
+        if not precondition_holds(view, step):
+            return None
+        states.append(apply(view, step))
+    return states
+
+
+def solve_incremental(
+    program: Program,
+    base: FactBase,
+    state: State,
+    goal: Formula,
+    *,
+    quota: Mapping[str, int],
+    time_limit: float,
+    max_levels: int = 10,
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[Step]:
+    """Find a plan, sampling more at every level.
+
+    Raises NoAnswer when the streams are exhausted or `max_levels` is passed without a plan, LimitReached at the
+    time limit. The plan is simulated before it is returned.
+    """
+    deadline = time.monotonic() + time_limit
+    for level in range(1, max_levels + 1):
+        grew = sample(base, {s.name: level * quota.get(s.name, 1) for s in base.streams}, deadline)
+        if not grew and level > 1:
+            raise NoAnswer(f"no plan: all streams are exhausted after {level - 1} level(s)")
+        run_tests(base, deadline)
+        progress(f"level {level}: {len(base.values)} entities")
+        plan = search(program, base, state, goal, time_limit=deadline - time.monotonic())
+        if plan is None:
+            continue
+        states = simulate(program, base, state, plan)
+        if states is None or not View(program, base, states[-1]).holds(goal):
+            raise AssertionError("the planner returned a plan that does not execute")
+        return plan
+    raise NoAnswer(f"no plan within {max_levels} levels of samples")

@@ -1,0 +1,193 @@
+"""Task files: what is asked for, in which scenes, and the problem instances drawn from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedBase
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
+from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.resources import resource
+from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.formula import Formula
+from gentamp_lp.streams.pddl import infer_sorts, parse_formula
+from gentamp_lp.streams.semantics import Program, State
+
+Sizes = tuple[int | str, ...]
+
+
+class TaskFile(BaseModel):
+    """The schema of a task file; `scene` is checked by the domain."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9_-]*$")
+    description: str = ""
+    domain: str
+    robot: str
+    size: tuple[str, ...] = Field(min_length=1, description="parameters in the order `--size A-B` gives them")
+    defaults: Mapping[str, tuple[int, int]] = Field(
+        default_factory=dict, description="inclusive range of a parameter that `--size` leaves out"
+    )
+    scene: Any
+    goal: str
+    train: Sizes = Field(min_length=1)
+    test: Sizes = ()
+    samples: Mapping[str, int] = Field(default_factory=dict, description="draws per stream and inputs")
+    max_complexity: int = Field(5, ge=1)
+    grammar: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Task:
+    """A loaded task: its file, its domain, its goal."""
+
+    path: Path
+    file: TaskFile
+    folder: DomainFolder
+    scene: Any
+    goal: Formula
+    program: Program
+
+    @property
+    def name(self) -> str:
+        """The task's name."""
+        return self.file.name
+
+    @classmethod
+    def load(cls, name: str | Path, *, trust: bool = False) -> Task:
+        """Load a task by path, or by the name of a shipped one. Raises InputError with file, line and remedy."""
+        path = _find(name)
+        data = _read_yaml(path)
+        if not isinstance(data, Mapping):
+            raise InputError(Diagnostic("a task file is a mapping", path, 1, hint="see tasks/unstack.yaml"))
+        file = _validate(TaskFile, data, data, path, ())
+        folder = load_domain(file.domain, path.parent, trust=trust)
+        scene = _validate(folder.code.Scene, data["scene"], data, path, ("scene",))
+        goal = parse_formula(file.goal, folder.domain, path=path, line_offset=_line(data, ("goal",)) - 1)
+        unknown = sorted(set(file.samples) - {s.name for s in folder.streams})
+        if unknown:
+            raise InputError(
+                Diagnostic(f"`samples` names unknown stream `{unknown[0]}`", path, _line(data, ("samples", unknown[0])),
+                           hint=f"known: {', '.join(s.name for s in folder.streams)}")
+            )  # fmt: skip
+        task = cls(path, file, folder, scene, goal, Program.of(folder.domain))
+        for key in ("train", "test"):
+            for index, size in enumerate(getattr(file, key)):
+                try:
+                    task.parameters(size, np.random.default_rng(0))
+                except InputError as error:
+                    message = error.diagnostics[0].message
+                    raise InputError(Diagnostic(message, path, _line(data, (key, index)))) from None
+        return task
+
+    def parameters(self, size: int | str, rng: np.random.Generator) -> dict[str, int]:
+        """Parameter values of a size such as 8 or "2-4"; parameters left out are drawn from their default range."""
+        required = [p for p in self.file.size if p not in self.file.defaults]
+        parts = str(size).split("-")
+        names = list(self.file.size) if len(parts) == len(self.file.size) else required
+        if len(parts) != len(names) or not all(p.isdigit() and int(p) > 0 for p in parts):
+            forms = {"-".join(p.upper() for p in self.file.size), "-".join(p.upper() for p in required)}
+            raise InputError(
+                Diagnostic(f"`{size}` is not a size of task `{self.name}`", hint=f"write {' or '.join(sorted(forms))} in numbers")
+            )
+        given = dict(zip(names, map(int, parts), strict=True))
+        return {
+            p: given[p] if p in given else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
+            for p in self.file.size
+        }
+
+    def instance(self, size: int | str, seed: int, *, robot: str | None = None) -> Instance:
+        """Draw the instance of this size and seed. Raises NoAnswer when the scene cannot be built."""
+        rng = np.random.default_rng([seed, 0])
+        parameters = self.parameters(size, rng)
+        code = self.folder.code
+        world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
+        generators = code.stream_map(world, seed)
+        check_stream_map(self.folder, generators)
+        sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)
+        base = FactBase(self.folder.domain, self.folder.streams, generators, dict(world.values), sorts)
+        for fact in world.static:
+            base.add(fact)
+        return Instance(self, str(size), seed, parameters, world, base, frozenset(world.fluents))
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One problem: a world, what is known about it, and its initial state."""
+
+    task: Task
+    size: str
+    seed: int
+    parameters: Mapping[str, int]
+    world: Any
+    base: FactBase
+    state: State
+
+    @property
+    def robot(self) -> str:
+        """The robot's name."""
+        return str(self.world.robot.name)
+
+
+def shipped_tasks() -> list[str]:
+    """Names of the tasks that come with gentamp-lp."""
+    return sorted(path.stem for path in resource("tasks").glob("*.yaml"))
+
+
+def _find(name: str | Path) -> Path:
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = resource("tasks", f"{name}.yaml")
+    if path.suffix == "" and len(path.parts) == 1 and shipped.is_file():
+        return shipped
+    hint = f"give the path of a task file or one of: {', '.join(shipped_tasks())}"
+    raise InputError(Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint))
+
+
+def _read_yaml(path: Path) -> Any:
+    try:
+        return YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
+        raise InputError(Diagnostic(f"not valid YAML: {error.problem}", path, line, column)) from None
+    except (YAMLError, OSError, UnicodeDecodeError) as error:
+        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
+
+
+def _validate(model: Any, value: Any, root: Any, path: Path, prefix: tuple[str, ...]) -> Any:
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise InputError(
+            *(
+                Diagnostic(
+                    f"{'.'.join(map(str, (*prefix, *e['loc']))) or 'file'}: {e['msg']}", path, _line(root, (*prefix, *e["loc"]))
+                )
+                for e in error.errors()
+            )
+        ) from None
+
+
+def _line(node: Any, location: tuple[Any, ...]) -> int:
+    """The line of the deepest part of a location that stands in the file."""
+    line = 1
+    for key in location:
+        if not isinstance(node, CommentedBase):
+            break
+        try:
+            line = (node.lc.item(key) if isinstance(node, list) else node.lc.key(key))[0] + 1
+            node = node[key]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError, AttributeError):
+            break
+    return line

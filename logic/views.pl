@@ -1,0 +1,169 @@
+:- module(views,
+          [ view/5,                 % -Kind, -Class, -Predicate, -Positions, -Bound
+            view_bits/4             % +Class, +Predicate, +Positions, -Bits
+          ]).
+:- use_module(library(apply), [maplist/3]).
+:- use_module(library(lists), [nth1/3, subtract/3, permutation/2]).
+:- use_module(facts).
+:- use_module(engine).
+
+/** <module> Predicates seen through the entities that matter
+
+A sampled entity determines the inputs of the stream that made it: a pose knows its object and its
+support. Where the data confirm this, AtPose(o,p) says no more than "p is occupied" and a four-place
+collision test relates two poses. Such a predicate is used through a _view_: its projection onto some
+argument positions, the others existentially quantified. A view is therefore always exactly the formula
+it prints as, whether or not the data collapse; what the check decides is only which views lose nothing.
+
+Under negation the projection is the guarded reading: not CFree(p,q) says that the poses p and q _of
+their own objects_ collide.
+
+Every predicate with data has these views, in either order of two variables:
+
+  - the arguments that no other argument determines (kind `pred`): at most two of them; or three
+    as a triple and as its pairs; or more as all pairs;
+  - the whole of a predicate with two arguments, one of which determines the other, and for the predicate
+    that owns a sampled entity one pair entity-input for each input (kind `link`).
+
+Links are never negated: "x is not the pose of o" holds of nearly all pairs and says nothing about either.
+*/
+
+%!  view(-Kind, -Class, -Predicate, -Positions, -Bound) is nondet.
+%
+%   Predicate can be used as a formula of Class whose variables are its arguments at Positions.
+%   Bound is `one` if at most one tuple is true in a state, `function` if the first variable determines the
+%   second, and `many` otherwise.
+
+view(Kind, Class, Name, Positions, Bound) :-
+    findall(Name0-Sorts0, predicate(Name0, Sorts0), Predicates0),
+    msort(Predicates0, Predicates),
+    prepare_images,
+    member(Name-Sorts, Predicates),
+    once(tuple(Name, _, _, _)),
+    dependencies(Name, Sorts, Dependencies),
+    keys(Sorts, Dependencies, Keys),
+    view_positions(Kind, Name, Sorts, Keys, Dependencies, Positions),
+    maplist([I, T]>>nth1(I, Sorts, T), Positions, Variables),
+    class(Variables, Class),
+    shape(Class, _, _),
+    bound(Name, Positions, Dependencies, Bound).
+
+class([], prop).
+class([X], con(X)).
+class([Y,X], role(Y,X)).
+class([Z,Y,X], triple(Z,Y,X)).
+
+bound(Name, _, _, one) :-
+    at_most_one(Name),
+    !.
+bound(_, [I,K], Dependencies, function) :-
+    memberchk(I-K, Dependencies),
+    !.
+bound(_, _, _, many).
+
+view_positions(pred, _, _, Keys, _, Positions) :-
+    length(Keys, N),
+    key_positions(N, Keys, Positions).
+view_positions(link, Name, Sorts, _, Dependencies, Positions) :-
+    member(I-K, Dependencies),
+    (   length(Sorts, 2)
+    ->  true
+    ;   nth1(I, Sorts, T),
+        owner(Name, T, I)
+    ),
+    permutation([I,K], Positions).
+
+key_positions(N, Keys, Positions) :-
+    N =< 3,
+    permutation(Keys, Positions).
+key_positions(N, Keys, [I,K]) :-
+    N >= 3,
+    member(I, Keys),
+    member(K, Keys),
+    I =\= K.
+
+% dependencies(+Name, +Sorts, -Pairs): I-K where argument I determines argument K in all the data.
+
+dependencies(Name, Sorts, Dependencies) :-
+    findall(I-K,
+            ( nth1(I, Sorts, T),
+              once(owner(_, T, _)),
+              nth1(K, Sorts, U),
+              I =\= K,
+              once(determines(Name, I, T, K, U)) ),
+            Dependencies).
+
+determines(Name, I, T, K, U) :-
+    owner(Owner, T, J),
+    predicate(Owner, OwnerSorts),
+    nth1(M, OwnerSorts, U),
+    M =\= J,
+    \+ ambiguous(Owner, M, _, _),
+    \+ ( tuple(Name, P, _, Arguments),
+         nth1(I, Arguments, E),
+         nth1(K, Arguments, V),
+         \+ image(Owner, M, P, E, V) ).
+
+% keys(+Sorts, +Dependencies, -Positions): what remains when determined arguments are left out one by one.
+
+keys(Sorts, Dependencies, Keys) :-
+    findall(I, nth1(I, Sorts, _), All),
+    leave_out(All, All, Dependencies, Keys).
+
+leave_out([], Keys, _, Keys).
+leave_out([K|Ks], Keys0, Dependencies, Keys) :-
+    (   member(I-K, Dependencies),
+        memberchk(I, Keys0)
+    ->  subtract(Keys0, [K], Keys1)
+    ;   Keys1 = Keys0
+    ),
+    leave_out(Ks, Keys1, Dependencies, Keys).
+
+:- dynamic image/5, ambiguous/4.
+
+% image(Owner, M, P, E, V): the owner's tuple of entity E has V as its M-th argument.
+
+prepare_images :-
+    retractall(image(_, _, _, _, _)),
+    retractall(ambiguous(_, _, _, _)),
+    forall(( owner(Owner, _, J),
+             tuple(Owner, P, _, Arguments),
+             nth1(J, Arguments, E),
+             nth1(M, Arguments, V),
+             M =\= J ),
+           add_image(Owner, M, P, E, V)).
+
+add_image(Owner, M, P, E, V) :-
+    image(Owner, M, P, E, V0),
+    !,
+    (   V0 == V
+    ->  true
+    ;   assertz(ambiguous(Owner, M, P, E))
+    ).
+add_image(Owner, M, P, E, V) :-
+    assertz(image(Owner, M, P, E, V)).
+
+%!  view_bits(+Class, +Predicate, +Positions, -Bits) is det.
+%
+%   Bits is the denotation of Predicate projected onto Positions.
+
+view_bits(Class, Name, Positions, Bits) :-
+    Class =.. [_|Sorts],
+    findall(Index-States,
+            ( tuple(Name, P, States, Arguments),
+              index(Positions, Sorts, P, Arguments, 0, Index) ),
+            Blocks),
+    state_count(S),
+    assemble(Blocks, S, Bits).
+
+index([], [], _, _, Index, Index).
+index([I|Is], [T|Ts], P, Arguments, Index0, Index) :-
+    arg_(I, Arguments, E),
+    slot(E, P, T, Slot),
+    entity_count(T, N),
+    Index1 is Index0*N + Slot,
+    index(Is, Ts, P, Arguments, Index1, Index).
+
+arg_(I, Arguments, E) :-
+    nth1(I, Arguments, E),
+    !.
