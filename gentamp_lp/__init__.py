@@ -1,1 +1,3 @@
 """Generalized task and motion planning with logic programming."""
+
+__version__ = "0.1.0"

@@ -103,9 +103,9 @@ def synthesize_policy(
         chosen=chosen,
         seconds={"theory": prepared, "solving": solved - prepared},
         statistics={
-            "features": theory.features.bit_count(),
-            "expanded": len(theory.expanded),
-            "frontier": len(theory.frontier),
+            "pool_classes": theory.features.bit_count(),
+            "state_classes": len(theory.expanded),
+            "frontier_states": len(theory.frontier),
             "ties": len({answer.atoms["selected"] for answer in outcome.answers if answer.optimal}),
             **program.statistics(),
         },
@@ -159,7 +159,7 @@ def theory_facts(theory: Theory) -> str:
         lines.append(f"expanded({state.id}).")
         for move in state.moves:
             lines.append(f"move({state.id},{move.id}).")
-            lines.extend(f"changes({move.id},{name[i]})." for i in bits(move.inc | move.dec))
+            lines.extend(f"changes({move.id},{name[i]})." for i in bits((move.inc | move.dec) & theory.features))
     for predicate, number, pairs in (
         ("differ", _GOAL_PAIRS, _goal_pairs(theory)),
         ("tells", _COVERS, _cover_pairs(theory)),
@@ -175,7 +175,7 @@ def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
     states = {values & theory.features: s for s, values in reversed(evidence.states.items())}
     goals = {evidence.states[s] & theory.features: s for s in sorted(evidence.goals, reverse=True)}
     return {
-        goal ^ other: (goals[goal], states[other])
+        goal ^ other & theory.features: (goals[goal], states[other & theory.features])
         for goal in goals
         for other in (*(state.values for state in theory.expanded), *theory.frontier)
     }
@@ -185,7 +185,7 @@ def _cover_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
     """Map each cover (see `asp/abstraction/covers.lp`) to a pair of states, for states with one candidate."""
     single = [(state, state.moves[0]) for state in theory.expanded if len(state.moves) == 1]
     return {
-        (s.values ^ t.values) | (a.inc & b.inc) | (a.dec & b.dec): (s.id, t.id)
+        ((s.values ^ t.values) | (a.inc & b.inc) | (a.dec & b.dec)) & theory.features: (s.id, t.id)
         for i, (s, a) in enumerate(single)
         for t, b in single[:i]
     }

@@ -113,7 +113,7 @@ class Program:
 
     def statistics(self) -> dict[str, int]:
         """Return how often the last search chose and failed, and how many clauses of each kind were added."""
-        counts = {} if self._lazy is None else dict(sorted(self._lazy.counts.items()))
+        counts = {} if self._lazy is None else {f"clauses_{k}": n for k, n in sorted(self._lazy.counts.items())}
         solvers = self._control.statistics["solving"]["solvers"]
         return {"choices": int(solvers["choices"]), "conflicts": int(solvers["conflicts"]), **counts}
 
@@ -198,17 +198,22 @@ class _Lazy(clingo.Propagator):
                 true[name].append(number)
         for kind, clause in self.theory.refute(true):
             self.counts[kind] = self.counts.get(kind, 0) + 1
-            self._waiting.append(
-                [
-                    self._literals[atom] if wanted else -self._literals[atom]
-                    for atom, wanted in clause
-                    if not wanted or atom in self._literals
-                ]
-            )
+            literals = self._translate(clause)
+            if any(is_true(literal) for literal in literals):
+                raise AssertionError(f"{kind} clause that the assignment does not violate")
+            self._waiting.append(literals)
         self._add_waiting(control)
+
+    def _translate(self, clause: Clause) -> list[int]:
+        """Return solver literals; an atom the program does not have is false."""
+        return [
+            self._literals[atom] if wanted else -self._literals[atom]
+            for atom, wanted in clause
+            if not wanted or atom in self._literals
+        ]
 
     def _add_waiting(self, control: clingo.PropagateControl) -> bool:
         while self._waiting:
-            if not control.add_clause(self._waiting.popleft()) or not control.propagate():
+            if not control.add_clause(self._waiting.popleft(), lock=True) or not control.propagate():
                 return False
         return True

@@ -15,7 +15,7 @@ from gentamp_lp.resources import resource
 from gentamp_lp.streams.pddl import Domain, Stream, parse_domain, parse_streams
 
 #: What the package of a domain must define; `domains/tabletop` is the worked example.
-HOOKS = ("Scene", "make_world", "stream_map")
+HOOKS = ("Scene", "make_world", "stream_map", "encode", "decode", "check_plan", "render_plan")
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,12 @@ class Task:
         """The task's name."""
         return self.file.name
 
+    @property
+    def reference(self) -> str:
+        """What finds this task again: the name of a shipped one, else the path of its file."""
+        shipped = self.path == resource("tasks", f"{self.path.stem}.yaml")
+        return self.path.stem if shipped else str(self.path)
+
     @classmethod
     def load(cls, name: str | Path, *, trust: bool = False) -> Task:
         """Load a task by path, or by the name of a shipped one. Raises InputError with file, line and remedy."""

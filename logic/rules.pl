@@ -4,7 +4,8 @@
             sem/5,                  % +Name, +OperandClasses, +ResultClass, +Operands, -Denotation
             says/5,                 % +Name, +OperandClasses, +Operands, +Variables, -Formula
             bound/3,                % ?Name, ?OperandBounds, ?Bound
-            cap/2                   % ?What, ?Limit
+            cap/2,                  % ?What, ?Limit
+            op(200, xfx, @)         % Operand@Variables, in says/5
           ]).
 :- use_module(library(lists), [append/3, subtract/3]).
 :- use_module(library(apply), [maplist/2, maplist/3]).
@@ -96,9 +97,8 @@ syntax_problem(error(Formal, _), File) :-
 
 message_text(syntax_error(What), Text) :-
     !,
-    phrase(prolog:error_message(syntax_error(What)), Lines) ->
-    message_lines(Lines, Text)
-    ;   format(string(Text), "~w", [What]).
+    phrase(prolog:translate_message(error(syntax_error(What), _)), Lines),
+    message_lines(Lines, Text).
 message_text(existence_error(source_sink, _), "file not found") :- !.
 message_text(permission_error(_, _, _), "file cannot be read") :- !.
 message_text(Formal, Text) :-

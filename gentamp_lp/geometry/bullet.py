@@ -61,6 +61,7 @@ class Camera:
     width: int = 800
     height: int = 600
     light: tuple[float, float, float] = (0.6, -1.0, 1.6)
+    background: tuple[int, int, int] = (226, 233, 239)
     ambient: float = 0.55
     diffuse: float = 0.50
     specular: float = 0.10
@@ -170,7 +171,8 @@ class Bullet:
             )
             position, turn = state[4], state[5]
         result = np.eye(4)
-        result[:3, :3] = rotation(np.array(turn))
+        values = np.array(turn)
+        result[:3, :3] = rotation(values / np.linalg.norm(values))
         result[:3, 3] = position
         return result
 
@@ -217,10 +219,10 @@ class Bullet:
     def closest(
         self, first: int, second: int, within: float, link: int | None = None
     ) -> list[tuple[int, float, Array]]:
-        """Return where two bodies are no farther apart than `within` (m), only at `link` of the first if given.
+        """Return where two bodies are at most `within` (m) apart, only at `link` of the first if given.
 
-        Each entry is the link of the first body, the distance (negative: penetration depth) and the point (3,)
-        on the second body.
+        Each entry is the link of the first body, the distance (negative: penetration depth) and the
+        point (3,) on the second body.
         """
         options = {} if link is None else {"linkIndexA": link}
         points = pybullet.getClosestPoints(first, second, within, physicsClientId=self.client, **options)
@@ -247,4 +249,6 @@ class Bullet:
             renderer=pybullet.ER_TINY_RENDERER,
             physicsClientId=self.client,
         )
-        return np.reshape(np.asarray(image[2], dtype=np.uint8), (view.height, view.width, 4))[:, :, :3]
+        pixels = np.reshape(np.asarray(image[2], dtype=np.uint8), (view.height, view.width, 4))[:, :, :3]
+        nothing = np.reshape(np.asarray(image[4]), (view.height, view.width)) < 0
+        return np.where(nothing[:, :, None], np.array(view.background, dtype=np.uint8), pixels)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from gentamp_lp.geometry.assets import data_path
@@ -72,6 +74,13 @@ class Gripper(Robot):
         hands = self.tools(configurations)
         hands[:, :3, 3] -= TOOL * hands[:, :3, 2]
         return np.concatenate([hands[:, None], finger_frames(hands, opening)], axis=1)
+
+    def between(self, first: Array, second: Array, count: int) -> Array:
+        """Return configurations between two, with unit quaternions along the shorter turn."""
+        near = second * np.array([1.0, 1.0, 1.0, *([math.copysign(1.0, first[3:] @ second[3:])] * 4)])
+        result = super().between(first, near, count)
+        result[:, 3:] /= np.linalg.norm(result[:, 3:], axis=1, keepdims=True)
+        return result
 
     def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
         """Return the straight approach to a tool pose, None when it would touch the table."""

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
 from PIL import Image
 
 from gentamp_lp.geometry.bullet import Bullet, Camera
 from gentamp_lp.geometry.models import load_model
+from gentamp_lp.geometry.replay import State
 from gentamp_lp.geometry.robots import Robot
 from gentamp_lp.geometry.shapes import Rgba, Shape, box
-from gentamp_lp.geometry.transforms import Array, pose
+from gentamp_lp.geometry.transforms import Array, difference, inverse, pose
 
 STILL = Camera()
 """View of a still picture."""
@@ -42,9 +45,6 @@ class Scene:
         (x0, y0), (x1, y1) = table
         top = box(x1 - x0, y1 - y0, 0.04, _TABLE)
         self._world.add(top, pose((x0 + x1) / 2, (y0 + y1) / 2, -0.04))
-        for x in (x0 + 0.05, x1 - 0.05):
-            for y in (y0 + 0.05, y1 - 0.05):
-                self._world.add(box(0.06, 0.06, 0.66, _TABLE), pose(x, y, -0.70))
 
     def close(self) -> None:
         """Free the PyBullet world."""
@@ -66,6 +66,13 @@ class Scene:
         """Put an object elsewhere. Raises KeyError for an unknown name."""
         self._world.move(self._bodies[name], pose)
 
+    def show(self, name: str, shape: Shape, pose: Array) -> None:
+        """Add an object or, when it is there already, move it."""
+        if name in self._bodies:
+            self.move(name, pose)
+        else:
+            self.add(name, shape, pose)
+
     def set_robot(self, configuration: Array, opening: float) -> None:
         """Let the robot take on a configuration (dof,) with a finger distance (m)."""
         self._model.set(configuration, opening)
@@ -75,6 +82,41 @@ class Scene:
         fine = replace(camera, width=camera.width * samples, height=camera.height * samples)
         image = Image.fromarray(self._world.picture(fine))
         return image.resize((camera.width, camera.height), Image.Resampling.LANCZOS)
+
+
+def smooth(robot: Robot, states: Iterable[State], longest: float = 0.08) -> Iterator[State]:
+    """Yield the states with more between those whose tools are farther apart than `longest` (m).
+
+    Large turns of a joint are divided too. This is for the eye: nothing is checked on these ways. Objects
+    that moved from one state to the next go with the tool.
+    """
+    before: State | None = None
+    for state in states:
+        if before is not None:
+            first, last = robot.tool(before.configuration), robot.tool(state.configuration)
+            metres, radians = difference(first, last)
+            turn = max(radians, float(np.abs(state.configuration - before.configuration).max()))
+            count = math.ceil(max(metres / longest, turn / (6 * longest))) - 1
+            moved = [n for n, p in state.poses.items() if not np.allclose(p, before.poses.get(n, p))]
+            for middle in robot.between(before.configuration, state.configuration, count):
+                change = robot.tool(middle) @ inverse(first)
+                poses = before.poses | {name: change @ before.poses[name] for name in moved}
+                yield State(middle, before.opening, poses, before.held)
+        yield state
+        before = state
+
+
+def film(
+    robot: Robot, shapes: Mapping[str, Shape], states: Iterable[State], camera: Camera = MOVIE
+) -> Iterator[Image.Image]:
+    """Yield a picture of each state; `shapes` gives the objects to draw."""
+    with Scene(robot) as scene:
+        for state in states:
+            for name, shape in shapes.items():
+                if name in state.poses:
+                    scene.show(name, shape, state.poses[name])
+            scene.set_robot(state.configuration, state.opening)
+            yield scene.picture(camera)
 
 
 def save_still(image: Image.Image, path: Path) -> None:
@@ -87,13 +129,17 @@ def save_movie(
 ) -> None:
     """Write pictures as a GIF that repeats; each shows for `seconds`, the last one for `pause` longer.
 
-    All share one palette, made from the first, so that the background does not flicker. Raises ValueError when
-    there is no picture.
+    All share one palette, made from some of them, so that the background does not flicker. Raises ValueError
+    when there is no picture.
     """
     frames = list(images)
     if not frames:
         raise ValueError("a movie needs at least one picture")
-    palette = frames[0].quantize(128)
+    sample = frames[:: max(1, len(frames) // 4)]
+    strip = Image.new("RGB", (frames[0].width, frames[0].height * len(sample)))
+    for index, frame in enumerate(sample):
+        strip.paste(frame, (0, index * frame.height))
+    palette = strip.quantize(192, method=Image.Quantize.FASTOCTREE)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     times = [round(1000 * seconds)] * (len(reduced) - 1) + [round(1000 * (seconds + pause))]
     reduced[0].save(

@@ -6,6 +6,7 @@ Nothing is raised for a bad plan: each fault is a sentence in `Replay.violations
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -38,6 +39,16 @@ TABLE = "table"
 _SLAB = 0.10  # thickness of the table
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """A moment: configuration (dof,), finger distance (m), poses of all objects and which one is held."""
+
+    configuration: Array
+    opening: float
+    poses: dict[str, Array]
+    held: str | None
+
+
 @dataclass
 class _Object:
     shape: Shape
@@ -49,11 +60,13 @@ class _Object:
 class Replay:
     """A table at z = 0, a robot and objects; moves the robot and notes what cannot be.
 
-    Use it as a context manager or call `close`.
+    `watch` is called with each state gone through, e.g. to film it. Use the replay as a context manager or
+    call `close`.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, watch: Callable[[State], object] | None = None) -> None:
         self.robot = robot
+        self.watch = watch
         self.violations: list[str] = []
         self.configuration = np.array(robot.home)
         self.opening = robot.opening
@@ -62,7 +75,7 @@ class Replay:
         self._table = self._world.add(box(4.0, 4.0, _SLAB), pose(0.0, 0.0, -_SLAB))
         self._objects: dict[str, _Object] = {}
         self._held: str | None = None
-        self._attachment = np.eye(4)  # pose of the held object in the tool frame
+        self._attached: dict[str, Array] = {}  # poses of the held object and its riders in the tool frame
         self._step = ""
 
     def close(self) -> None:
@@ -92,11 +105,16 @@ class Replay:
         """Return what an object stands on (`TABLE` or a name), None while it is held or when it floats."""
         return self._objects[name].support
 
+    def state(self) -> State:
+        """Return the present state."""
+        poses = {name: item.pose.copy() for name, item in self._objects.items()}
+        return State(self.configuration.copy(), self.opening, poses, self._held)
+
     def add(self, name: str, shape: Shape, pose: Array, support: str | None = None) -> list[str]:
         """Put an object into the world and check that it rests and overlaps nothing.
 
-        `support` is the claimed support; without it any will do. Returns the new violations. Raises ValueError
-        for a name that is taken.
+        `support` is the claimed support; without it any will do. Returns the new violations. Raises
+        ValueError for a name that is taken.
         """
         if name in self._objects or name == TABLE:
             raise ValueError(f"there is already an object {name}")
@@ -112,8 +130,8 @@ class Replay:
     def move(self, trajectory: Trajectory, *, reverse: bool = False, label: str = "move") -> list[str]:
         """Step through the configurations of a trajectory, backwards if asked, and return the new violations.
 
-        A held object and all that stands on it move along. The way from the previous configuration to the first
-        of the trajectory is not checked: a plan that leaves out transit motions leaves them out here.
+        A held object and all that stands on it move along. The way from the previous configuration to the
+        first of the trajectory is not checked: a plan that leaves out transit motions leaves them out here.
         """
         first = self._begin(label)
         path = trajectory.configurations[::-1] if reverse else trajectory.configurations
@@ -135,6 +153,8 @@ class Replay:
             carried = self._carry(tool)
             self._check_objects(carried)
             self._check_robot(carried)
+            if self.watch is not None:
+                self.watch(self.state())
         return self.violations[first:]
 
     def grasp(self, name: str, grasp: Grasp | None = None, *, label: str = "") -> list[str]:
@@ -162,7 +182,7 @@ class Replay:
                 )
         self._straddle(name, tool)
         self._held, item.support = name, None
-        self._attachment = inverse(tool) @ item.pose
+        self._attached = {n: inverse(tool) @ self._objects[n].pose for n in (name, *riders)}
         return self.violations[first:]
 
     def release(
@@ -176,7 +196,7 @@ class Replay:
         if self._held != name:
             self._note(f"the gripper holds {self._held or 'nothing'}, not {name}")
             return self.violations[first:]
-        self._held = None
+        self._held, self._attached = None, {}
         if pose is not None:
             self._compare(name, self._objects[name].pose, pose)
         self._rest(name, support)
@@ -223,20 +243,14 @@ class Replay:
 
     def _carry(self, tool: Array) -> list[str]:
         """Move the held object and its riders with the tool; return their names."""
-        if self._held is None:
-            return []
-        item = self._objects[self._held]
-        target = tool @ self._attachment
-        change = target @ inverse(item.pose)
-        carried = [self._held, *self._riders(self._held)]
-        for name in carried:
+        for name, attachment in self._attached.items():
             moved = self._objects[name]
-            moved.pose = change @ moved.pose
+            moved.pose = tool @ attachment
             self._world.move(moved.body, moved.pose)
-        return carried
+        return list(self._attached)
 
     def _deepest(self, first: int, second: int, *, mounted: bool = True) -> tuple[int, float] | None:
-        """Return the link of the first body that is deepest inside the second, and how deep; None if none is."""
+        """Return the link of the first body that is deepest inside the second, and how deep, or None."""
         found = [
             (-distance, link)
             for link, distance, _ in self._world.closest(first, second, 0.0)
@@ -298,19 +312,18 @@ class Replay:
     def _supports(self, name: str, item: _Object) -> bool:
         """Tell whether an object's bottom is at a support's top and its centre over it."""
         if name == TABLE:
-            return abs(item.pose[2, 3]) <= RESTING
+            return abs(float(item.pose[2, 3])) <= RESTING
         below = self._objects[name]
-        x, y, z = (inverse(below.pose) @ item.pose)[:3, 3]
+        x, y, z = (float(v) for v in (inverse(below.pose) @ item.pose)[:3, 3])
         if below.shape.interior is not None:
             length, width, top = below.shape.interior
-            return bool(abs(z - top) <= RESTING and abs(x) <= length / 2 and abs(y) <= width / 2)
+            return abs(z - top) <= RESTING and abs(x) <= length / 2 and abs(y) <= width / 2
         for part in below.shape.parts:
-            px, py, pz = (inverse(part.pose) @ np.array([x, y, z, 1.0]))[:3]
-            over = (
-                abs(px) <= part.size[0] / 2 and abs(py) <= part.size[1] / 2
-                if part.kind == "box"
-                else px * px + py * py <= part.size[0] ** 2
-            )
+            px, py, pz = (float(v) for v in (inverse(part.pose) @ [x, y, z, 1.0])[:3])
+            if part.kind == "box":
+                over = abs(px) <= part.size[0] / 2 and abs(py) <= part.size[1] / 2
+            else:
+                over = math.hypot(px, py) <= part.size[0]
             if over and abs(float(pz) - part.height / 2) <= RESTING:
                 return True
         return False

@@ -102,6 +102,11 @@ class Robot(ABC):
         """Return the tool pose (4×4) of a configuration (dof,)."""
         return np.asarray(self.tools(np.asarray(configuration)[None])[0])
 
+    def between(self, first: Array, second: Array, count: int) -> Array:
+        """Return `count` configurations (count, dof) evenly spaced after `first` and before `second`."""
+        share = np.arange(1, count + 1)[:, None] / (count + 1)
+        return np.asarray(first + share * (second - first))
+
     # grasping
 
     def grasps(self, shape: Shape, approach: Approach = "top") -> Iterator[Grasp]:

@@ -70,7 +70,6 @@ def rotation(quaternions: Array) -> Array:
 
 def difference(first: Array, second: Array) -> tuple[float, float]:
     """Return how far two poses are apart: metres and radians."""
-    cosine = (np.trace(first[:3, :3].T @ second[:3, :3]) - 1) / 2
-    sine = np.linalg.norm(first[:3, :3] - second[:3, :3]) / math.sqrt(8)  # sine of half the angle
-    angle = 2 * math.asin(min(1.0, float(sine))) if cosine > 0 else math.acos(max(-1.0, float(cosine)))
-    return float(np.linalg.norm(first[:3, 3] - second[:3, 3])), angle
+    sine = float(np.linalg.norm(first[:3, :3] - second[:3, :3])) / math.sqrt(8)  # of half the angle
+    cosine = math.sqrt(max(0.0, 1.0 + float(np.vdot(first[:3, :3], second[:3, :3])))) / 2
+    return float(np.linalg.norm(first[:3, 3] - second[:3, 3])), 2 * math.atan2(sine, cosine)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.streams.downward import search
@@ -34,6 +34,21 @@ def sample(base: FactBase, quota: Mapping[str, int], deadline: float) -> bool:
         if not again:
             break
     return called
+
+
+def quota_for(base: FactBase, predicates: Iterable[str], samples: Mapping[str, int]) -> dict[str, int]:
+    """How often to call each stream so that formulas over `predicates` see the given number of samples.
+
+    Streams that neither certify one of the predicates nor supply inputs to one that does get 0.
+    """
+    quota = {stream.name: 0 for stream in base.streams}
+    open_ = list(predicates)
+    while open_:
+        for stream in base.makers.get(open_.pop(), ()):
+            if quota[stream.name] == 0:
+                quota[stream.name] = samples.get(stream.name, 1)
+                open_ += [atom.predicate for atom in stream.domain]
+    return quota
 
 
 def run_tests(base: FactBase, deadline: float) -> None:

@@ -1,0 +1,122 @@
+"""What learning sees: states and transitions of the training problems, as values and as facts.
+
+A dataset is plain data (names only, no geometry), so that it can be cached on disk and printed as facts that
+Prolog and clingo both read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from gentamp_lp.streams.facts import Fact
+
+
+@dataclass
+class Problem:
+    """One training problem: its static and certified facts and its entities by sort."""
+
+    size: str
+    seed: int
+    static: list[Fact]
+    entities: dict[str, list[str]]
+
+
+@dataclass
+class SeenState:
+    """A state: its problem, its fluent and derived facts, and its marks."""
+
+    problem: int
+    facts: list[Fact]
+    goal: bool = False
+    initial: bool = False
+
+
+@dataclass
+class Transition:
+    """A step between two seen states; `demonstrated` ones are what the policy may choose."""
+
+    source: int
+    target: int
+    action: str
+    args: tuple[str, ...]
+    demonstrated: bool
+
+
+@dataclass
+class Dataset:
+    """Everything learned from. State and transition numbers are positions in their lists."""
+
+    predicates: dict[str, list[str]]  # predicate -> sorts of its arguments
+    display: dict[str, str]  # predicate -> spelling
+    owners: list[tuple[str, str, int]]  # (predicate, sort, argument) that determines the tuple
+    at_most_one: list[str]
+    problems: list[Problem] = field(default_factory=list)
+    states: list[SeenState] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)
+
+    def pool_facts(self) -> str:
+        """The facts from which Prolog builds the feature pool."""
+        lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]
+        for name, sorts in self.predicates.items():
+            lines.append(f"predicate({name}, [{', '.join(sorts)}]).")
+            lines.append(f'display({name}, "{self.display[name]}").')
+        lines += [f"owner({name}, {sort}, {position})." for name, sort, position in self.owners]
+        lines += [f"at_most_one({name})." for name in self.at_most_one]
+        for number, problem in enumerate(self.problems):
+            lines.append(f"problem({number}).")
+            for sort, names in problem.entities.items():
+                lines += [f"entity({number}, {sort}, {name})." for name in names]
+            lines += [f"static({number}, {_term(fact)})." for fact in problem.static]
+        for number, state in enumerate(self.states):
+            lines.append(f"state({number}, {state.problem}).")
+            lines += [f"fluent({number}, {_term(fact)})." for fact in state.facts]
+        lines += [f"transition({n}, {t.source}, {t.target})." for n, t in enumerate(self.transitions)]
+        return "\n".join(lines) + "\n"
+
+    def policy_facts(self) -> str:
+        """The facts about states and transitions for the ASP program."""
+        lines = []
+        for number, state in enumerate(self.states):
+            lines.append(f"state({number},{state.problem}).")
+            if state.goal:
+                lines.append(f"goal({number}).")
+            if state.initial:
+                lines.append(f"initial({number}).")
+        for number, t in enumerate(self.transitions):
+            lines.append(f"transition({number},{t.source},{t.target}). action({number},{t.action}).")
+            if t.demonstrated:
+                lines.append(f"candidate({number}).")
+        return "\n".join(lines) + "\n"
+
+    def describe(self, state: int) -> str:
+        """A state in words, for explanations."""
+        seen = self.states[state]
+        problem = self.problems[seen.problem]
+        facts = ", ".join(f"{self.display[f[0]]}({', '.join(f[1:])})" for f in seen.facts if not f[0].startswith("sort-"))
+        kind = "goal " if seen.goal else ""
+        return f"{kind}state {state} of size {problem.size}, seed {problem.seed}: {facts}"
+
+    def to_json(self) -> str:
+        """The dataset as JSON text."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> Dataset:
+        """Read what `to_json` wrote."""
+        data: dict[str, Any] = json.loads(text)
+
+        def facts(rows: Iterable[list[str]]) -> list[Fact]:
+            return [tuple(row) for row in rows]
+
+        data["owners"] = [tuple(row) for row in data["owners"]]
+        data["problems"] = [Problem(**{**p, "static": facts(p["static"])}) for p in data["problems"]]
+        data["states"] = [SeenState(**{**s, "facts": facts(s["facts"])}) for s in data["states"]]
+        data["transitions"] = [Transition(**{**t, "args": tuple(t["args"])}) for t in data["transitions"]]
+        return cls(**data)
+
+
+def _term(fact: Fact) -> str:
+    return f"{fact[0]}({','.join(fact[1:])})" if len(fact) > 1 else fact[0]

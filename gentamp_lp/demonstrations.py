@@ -1,0 +1,201 @@
+"""Demonstrations: plans of the unguided planner on the training problems, and the states around them.
+
+A demonstration should look like a policy at work: short, and choosing alike among equally good steps. Plans are
+therefore stripped of steps they can do without and put into one canonical order: at each point the first action of
+the domain file that can go next without spoiling the rest goes next. The rule is one for the whole domain.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import platformdirs
+
+import gentamp_lp
+from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
+from gentamp_lp.invariants import at_most_one
+from gentamp_lp.streams.facts import sort_predicate
+from gentamp_lp.streams.formula import Formula
+from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
+from gentamp_lp.streams.pddl import Stream, infer_sorts
+from gentamp_lp.streams.semantics import FactBase, Program, State, Step, View, applicable, apply, precondition_holds
+from gentamp_lp.task import Instance, Task
+
+Progress = Callable[[str], None]
+
+
+def canonical(program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]) -> list[Step]:
+    """The plan without dispensable steps, in canonical order (see the module's text)."""
+    steps = _without_detours(program, base, state, goal, list(plan))
+    rank = {schema.name: index for index, schema in enumerate(program.domain.actions)}
+    ordered: list[Step] = []
+    while steps:
+        for index in sorted(range(len(steps)), key=lambda i: (rank[steps[i].schema], i)):
+            moved = [steps[index], *steps[:index], *steps[index + 1 :]]
+            if index == 0 or _reaches(program, base, state, goal, moved):
+                break
+        else:
+            raise AssertionError("a valid plan can always keep its order")
+        state = apply(View(program, base, state), moved[0])
+        ordered.append(moved[0])
+        steps = moved[1:]
+    return ordered
+
+
+def _without_detours(
+    program: Program, base: FactBase, state: State, goal: Formula, steps: list[Step]
+) -> list[Step]:
+    """Action elimination: drop a step with all later steps that need it, if the goal is still reached."""
+    index = 0
+    while index < len(steps):
+        kept, current = steps[:index], state
+        for step in kept:
+            current = apply(View(program, base, current), step)
+        for step in steps[index + 1 :]:
+            view = View(program, base, current)
+            if precondition_holds(view, step):
+                kept.append(step)
+                current = apply(view, step)
+        if View(program, base, current).holds(goal):
+            steps = kept
+        else:
+            index += 1
+    return steps
+
+
+def _reaches(program: Program, base: FactBase, state: State, goal: Formula, steps: list[Step]) -> bool:
+    states = simulate(program, base, state, steps)
+    return states is not None and View(program, base, states[-1]).holds(goal)
+
+
+def owners(streams: Iterable[Stream], sorts: dict[str, tuple[str, ...]]) -> list[tuple[str, str, int]]:
+    """Argument positions filled by a stream's only output: the entity there determines the whole tuple."""
+    found = []
+    for stream in streams:
+        if len(stream.outputs) != 1:
+            continue
+        for atom in stream.certified:
+            if stream.outputs[0] in atom.args and len(atom.args) > 1:
+                position = atom.args.index(stream.outputs[0])
+                found.append((atom.predicate, sorts[atom.predicate][position], position + 1))
+    return sorted(set(found))
+
+
+class Recorder:
+    """Collects the states and transitions of several problems into one dataset."""
+
+    def __init__(self, task: Task, instances: Sequence[Instance], *, around: bool = True) -> None:
+        domain, streams = task.folder.domain, task.folder.streams
+        facts = [fact for instance in instances for fact in instance.world.static]
+        self.sorts = infer_sorts(domain, streams, facts)
+        self.task = task
+        self.around = around
+        self.data = Dataset(
+            {name: list(sorts) for name, sorts in self.sorts.items()},
+            {name: predicate.spelling for name, predicate in domain.predicates.items()},
+            owners(streams, self.sorts),
+            at_most_one(domain, [instance.state for instance in instances]),
+        )
+        self._numbers: dict[tuple[int, State], int] = {}
+        self._moves: dict[tuple[int, str, tuple[str, ...]], int] = {}
+
+    def record(self, instance: Instance, plan: Sequence[Step]) -> None:
+        """Add a problem, the states of its plan, and (around) all their successors."""
+        problem = len(self.data.problems)
+        base, program = instance.base, self.task.program
+        static = [(p, *row) for p, relation in base.static.items() if p in self.sorts for row in relation.rows]
+        entities = {sort: base.entities(sort) for sort in sorted({s for ss in self.sorts.values() for s in ss})}
+        self.data.problems.append(Problem(instance.size, instance.seed, sorted(static), entities))
+        state = instance.state
+        for step in plan:
+            view = View(program, base, state)
+            if self.around:
+                for other in applicable(view):
+                    self._transition(problem, view, other, base, demonstrated=False)
+            self._transition(problem, view, step, base, demonstrated=True)
+            state = apply(view, step)
+        self.data.states[self._number(problem, instance.state, base)].initial = True
+
+    def _transition(self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool) -> None:
+        source = self._number(problem, view.state, base)
+        target = self._number(problem, apply(view, step), base)
+        known = next(
+            (t for t in self.data.transitions if t.source == source and t.target == target and t.action == step.schema),
+            None,
+        )
+        if known is None:
+            self.data.transitions.append(Transition(source, target, step.schema, step.args, demonstrated))
+        elif demonstrated:
+            known.demonstrated, known.args = True, step.args
+
+    def _number(self, problem: int, state: State, base: FactBase) -> int:
+        key = (problem, state)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.data.states)
+            view = View(self.task.program, base, state)
+            derived = [(name, *row) for name in self.task.program.axioms for row in view.extension(name)]
+            facts = sorted(state) + sorted(derived)
+            self.data.states.append(SeenState(problem, facts, goal=view.holds(self.task.goal)))
+        return self._numbers[key]
+
+
+def demonstrate(
+    task: Task,
+    *,
+    seed: int = 0,
+    robot: str | None = None,
+    around: bool = True,
+    time_limit: float = 600.0,
+    cache: bool = True,
+    progress: Progress = lambda _: None,
+) -> Dataset:
+    """Plan the training problems unguided and record what happens (or fetch it from the cache).
+
+    All entities sampled while planning stay in the data, not only those the plan uses: samples in a plan's preimage
+    are biased (paper, appendix). Raises NoAnswer or LimitReached from the planner, naming the problem.
+    """
+    file = cache_path(task, seed, robot, around)
+    if cache and file.is_file():
+        progress(f"demonstrations from the cache ({file.name})")
+        return Dataset.from_json(gzip.decompress(file.read_bytes()).decode())
+    deadline = time.monotonic() + time_limit
+    instances, plans = [], []
+    for index, size in enumerate(task.file.train):
+        instance = task.instance(size, seed * 1000 + index, robot=robot)
+        left = deadline - time.monotonic()
+        plan = solve_incremental(
+            task.program, instance.base, instance.state, task.goal, quota=task.file.samples, time_limit=left
+        )
+        plan = canonical(task.program, instance.base, instance.state, task.goal, plan)
+        progress(f"demonstration {task.name}-{size}: {len(plan)} steps")
+        instances.append(instance)
+        plans.append(plan)
+    recorder = Recorder(task, instances, around=around)
+    for instance, plan in zip(instances, plans, strict=True):
+        recorder.record(instance, plan)
+    if cache:
+        _write(file, gzip.compress(recorder.data.to_json().encode(), 6, mtime=0))
+    return recorder.data
+
+
+def cache_path(task: Task, seed: int, robot: str | None, around: bool) -> Path:
+    """Where these demonstrations are cached: the name is a digest of all that determines them."""
+    digest = hashlib.sha256(repr((gentamp_lp.__version__, seed, robot, around)).encode())
+    code = Path(__file__).parent
+    sources = [*code.glob("*.py"), *code.glob("streams/*.py"), *code.glob("geometry/*.py")]
+    for path in [task.path, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
+        digest.update(path.read_bytes())
+    return Path(platformdirs.user_cache_dir("gentamp-lp"), "demonstrations", f"{task.name}-{digest.hexdigest()[:16]}.json.gz")
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(content)
+    os.replace(file.name, path)

@@ -1,0 +1,116 @@
+"""Plans as values and files: enough numbers to check a plan without the planner that made it."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.streams.facts import Fact
+from gentamp_lp.streams.semantics import Step
+from gentamp_lp.task import Instance
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan for one instance: its steps, the sampled values they use, and the facts certified of these."""
+
+    task: str
+    size: str
+    seed: int
+    robot: str
+    steps: tuple[Step, ...]
+    entities: dict[str, dict[str, Any]]
+    facts: tuple[Fact, ...]
+
+    @classmethod
+    def of(cls, instance: Instance, steps: Sequence[Step]) -> Plan:
+        """Collect what a plan needs from the instance it was found in."""
+        base, code = instance.base, instance.task.folder.code
+        used = list(dict.fromkeys(a for s in steps for a in s.args if a in base.made_by))
+        names = {id(value): name for name, value in base.values.items()}
+        known = set(instance.world.values) | set(used)
+        facts = [
+            (predicate, *row)
+            for predicate in sorted(base.makers)
+            for row in base.relation(predicate).rows
+            if set(row) <= known and set(row) & set(used)
+        ]
+        entities = {name: code.encode(base.values[name], names) for name in _by_dependency(used, instance)}
+        return cls(
+            instance.task.reference, instance.size, instance.seed, instance.robot, tuple(steps), entities, tuple(facts)
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The plan as JSON data."""
+        return {
+            "format": "gentamp-lp plan 1",
+            "task": self.task,
+            "size": self.size,
+            "seed": self.seed,
+            "robot": self.robot,
+            "steps": [{"action": s.schema, "args": list(s.args)} for s in self.steps],
+            "entities": self.entities,
+            "facts": [list(fact) for fact in self.facts],
+        }
+
+    def save(self, path: Path) -> None:
+        """Write the plan file, whole or not at all."""
+        write_text(path, json.dumps(self.to_json(), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> Plan:
+        """Read a plan file. Raises InputError when it is not one."""
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            if data["format"] != "gentamp-lp plan 1":
+                raise InputError(Diagnostic(f"unknown format `{data['format']}`", path, 1))
+            return cls(
+                str(data["task"]),
+                str(data["size"]),
+                int(data["seed"]),
+                str(data["robot"]),
+                tuple(Step(str(s["action"]), tuple(map(str, s["args"]))) for s in data["steps"]),
+                dict(data["entities"]),
+                tuple(tuple(map(str, fact)) for fact in data["facts"]),
+            )
+        except OSError as error:
+            raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
+        except json.JSONDecodeError as error:
+            raise InputError(Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)) from None
+        except (KeyError, TypeError, ValueError) as error:
+            hint = "write plans with `gentamp-lp solve --out`"
+            raise InputError(Diagnostic(f"not a plan file: {error!r}", path, hint=hint)) from None
+
+
+def _by_dependency(used: list[str], instance: Instance) -> list[str]:
+    """Entities after the ones their streams took as inputs."""
+    made = instance.base.made_by
+    ordered: dict[str, None] = {}
+
+    def visit(name: str) -> None:
+        if name in made and name not in ordered:
+            for other in made[name][1]:
+                visit(other)
+            ordered[name] = None
+
+    for name in used:
+        visit(name)
+    return list(ordered)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all. Raises InputError when the folder cannot be written to."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(file.name, 0o644)
+        os.replace(file.name, path)
+    except OSError as error:
+        raise InputError(Diagnostic(f"cannot write the file: {error.strerror}", path)) from None

@@ -1,0 +1,115 @@
+:- module(formula,
+          [ formula/3,              % +Rule, +Operands, -Formula
+            item_formula/4        % +Id, -Variable, -Sort, -Formula
+          ]).
+:- use_module(library(lists), [nth1/3]).
+:- use_module(library(apply), [foldl/4]).
+:- use_module(facts).
+:- use_module(rules).
+:- use_module(generate, [meta/6, item/5, bucket/5]).
+
+/** <module> The first-order formula of an item
+
+Items refer to their operands by Id; says/5 of the grammar tells how a rule reads, and a view reads as its
+predicate with the other arguments existentially quantified. Variables are v0 (the free one), v1, v2 ...
+in order of appearance, all different.
+*/
+
+%!  item_formula(+Id, -Variable, -Sort, -Formula) is det.
+%
+%   Formula is what item Id says of Variable of Sort; both are `none` if it is closed.
+
+item_formula(Id, Variable, Sort, Formula) :-
+    once(item(Bucket, Id, _, _, _)),
+    bucket(Bucket, Class, _, _, _),
+    (   Class = con(Sort)
+    ->  Variable = v0
+    ;   Variable = none,
+        Sort = none
+    ),
+    meta(Id, _, _, _, Rule, Operands),
+    formula(Rule, Operands, Formula).
+
+%!  formula(+Rule, +Operands:list, -Formula) is det.
+%
+%   Formula is the result of Rule for the items Operands, its free variables being v0, v1 ...
+
+formula(Rule, Operands, Formula) :-
+    result_class(Rule, Operands, Class),
+    Class =.. [_|Sorts],
+    foldl([_, V, N0, N]>>variable(N0, N, V), Sorts, Variables, 0, Next),
+    read_rule(Rule, Operands, Variables, Formula, Next, _).
+
+variable(N0, N, V) :-
+    atom_concat(v, N0, V),
+    N is N0 + 1.
+
+result_class(view(Name, Positions), _, Class) :-
+    !,
+    same_length(Positions, Sorts),
+    predicate(Name, _),
+    Class =.. [view|Sorts].
+result_class(Rule, Operands, Class) :-
+    operand_classes(Operands, Classes),
+    grammar_rule(_, Rule, Classes, Class, _, _, _),
+    !.
+
+operand_classes([], []).
+operand_classes([Id|Ids], [Class|Classes]) :-
+    once(item(Bucket, Id, _, _, _)),
+    bucket(Bucket, Class, _, _, _),
+    operand_classes(Ids, Classes).
+
+read_rule(view(Name, Positions), _, Variables, Formula, N0, N) :-
+    !,
+    predicate(Name, Sorts),
+    arguments(Sorts, 1, Positions, Variables, Arguments, Bound, N0, N),
+    Atom =.. [Name|Arguments],
+    foldl([V-T, F, some(V,T,F)]>>true, Bound, Atom, Formula).
+read_rule(Rule, Operands, Variables, Formula, N0, N) :-
+    operand_classes(Operands, Classes),
+    says(Rule, Classes, Operands, Variables, Template),
+    !,
+    expand(Template, Formula, N0, N).
+
+% The last quantifier introduced is the innermost.
+arguments([], _, _, _, [], [], N, N).
+arguments([T|Ts], I, Positions, Variables, [V|Vs], Bound, N0, N) :-
+    I1 is I + 1,
+    (   nth1(J, Positions, I)
+    ->  nth1(J, Variables, V),
+        arguments(Ts, I1, Positions, Variables, Vs, Bound, N0, N)
+    ;   variable(N0, N1, V),
+        arguments(Ts, I1, Positions, Variables, Vs, Bound0, N1, N),
+        append(Bound0, [V-T], Bound)
+    ).
+
+expand(Id@Variables, Formula, N0, N) :-
+    !,
+    meta(Id, _, _, _, Rule, Operands),
+    read_rule(Rule, Operands, Variables, Formula, N0, N).
+expand(some(V, T, A), some(V, T, F), N0, N) :-
+    !,
+    variable(N0, N1, V),
+    expand(A, F, N1, N).
+expand(every(V, T, A), every(V, T, F), N0, N) :-
+    !,
+    variable(N0, N1, V),
+    expand(A, F, N1, N).
+expand(closure(U, W, T, A, Y, X), closure(U, W, T, F, Y, X), N0, N) :-
+    !,
+    variable(N0, N1, U),
+    variable(N1, N2, W),
+    expand(A, F, N2, N).
+expand(neg(A), neg(F), N0, N) :-
+    expand(A, F, N0, N).
+expand(conj(A, B), conj(F, G), N0, N) :-
+    expand(A, F, N0, N1),
+    expand(B, G, N1, N).
+expand(disj(A, B), disj(F, G), N0, N) :-
+    expand(A, F, N0, N1),
+    expand(B, G, N1, N).
+expand(implies(A, B), implies(F, G), N0, N) :-
+    expand(A, F, N0, N1),
+    expand(B, G, N1, N).
+expand(true, true, N, N).
