@@ -88,31 +88,41 @@ def owners(streams: Iterable[Stream], sorts: dict[str, tuple[str, ...]]) -> list
 
 
 class Recorder:
-    """Collects the states and transitions of several problems into one dataset."""
+    """Adds the states and transitions of problems to a dataset."""
 
-    def __init__(self, task: Task, instances: Sequence[Instance], *, around: bool = True) -> None:
-        domain, streams = task.folder.domain, task.folder.streams
-        facts = [fact for instance in instances for fact in instance.world.static]
-        self.sorts = infer_sorts(domain, streams, facts)
+    def __init__(self, task: Task, data: Dataset, *, around: bool = True) -> None:
         self.task = task
+        self.data = data
         self.around = around
-        self.data = Dataset(
-            {name: list(sorts) for name, sorts in self.sorts.items()},
+        self._numbers: dict[tuple[int, State], int] = {}
+        self._known: dict[tuple[int, int, str], Transition] = {}
+
+    @classmethod
+    def start(cls, task: Task, instances: Sequence[Instance], *, around: bool = True) -> Recorder:
+        """Begin an empty dataset for these instances."""
+        domain, streams = task.folder.domain, task.folder.streams
+        sorts = infer_sorts(domain, streams, [fact for i in instances for fact in i.world.static])
+        data = Dataset(
+            {name: list(row) for name, row in sorts.items()},
             {name: predicate.spelling for name, predicate in domain.predicates.items()},
-            owners(streams, self.sorts),
+            owners(streams, sorts),
             at_most_one(domain, [instance.state for instance in instances]),
         )
-        self._numbers: dict[tuple[int, State], int] = {}
-        self._moves: dict[tuple[int, str, tuple[str, ...]], int] = {}
+        return cls(task, data, around=around)
 
-    def record(self, instance: Instance, plan: Sequence[Step]) -> None:
-        """Add a problem, the states of its plan, and (around) all their successors."""
+    def record(self, instance: Instance, plan: Sequence[Step], start: State | None = None) -> None:
+        """Add a problem, the states of its plan, and (around) all their successors.
+
+        `start` is where the plan begins when it is not the instance's initial state.
+        """
         problem = len(self.data.problems)
-        base, program = instance.base, self.task.program
-        static = [(p, *row) for p, relation in base.static.items() if p in self.sorts for row in relation.rows]
-        entities = {sort: base.entities(sort) for sort in sorted({s for ss in self.sorts.values() for s in ss})}
-        self.data.problems.append(Problem(instance.size, instance.seed, sorted(static), entities))
-        state = instance.state
+        base, program, data = instance.base, self.task.program, self.data
+        static = [(p, *row) for p, rows in base.static.items() if p in data.predicates for row in rows.rows]
+        sorts = sorted({sort for row in data.predicates.values() for sort in row})
+        entities = {sort: base.entities(sort) for sort in sorts}
+        data.problems.append(Problem(instance.size, instance.seed, sorted(static), entities))
+        state = instance.state if start is None else start
+        data.states[self._number(problem, state, base)].initial = True
         for step in plan:
             view = View(program, base, state)
             if self.around:
@@ -120,19 +130,16 @@ class Recorder:
                     self._transition(problem, view, other, base, demonstrated=False)
             self._transition(problem, view, step, base, demonstrated=True)
             state = apply(view, step)
-        self.data.states[self._number(problem, instance.state, base)].initial = True
 
     def _transition(self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool) -> None:
         source = self._number(problem, view.state, base)
         target = self._number(problem, apply(view, step), base)
-        known = next(
-            (t for t in self.data.transitions if t.source == source and t.target == target and t.action == step.schema),
-            None,
-        )
-        if known is None:
-            self.data.transitions.append(Transition(source, target, step.schema, step.args, demonstrated))
+        key = (source, target, step.schema)
+        if key not in self._known:
+            self._known[key] = Transition(source, target, step.schema, step.args, demonstrated)
+            self.data.transitions.append(self._known[key])
         elif demonstrated:
-            known.demonstrated, known.args = True, step.args
+            self._known[key].demonstrated, self._known[key].args = True, step.args
 
     def _number(self, problem: int, state: State, base: FactBase) -> int:
         key = (problem, state)
@@ -176,7 +183,7 @@ def demonstrate(
         progress(f"demonstration {task.name}-{size}: {len(plan)} steps")
         instances.append(instance)
         plans.append(plan)
-    recorder = Recorder(task, instances, around=around)
+    recorder = Recorder.start(task, instances, around=around)
     for instance, plan in zip(instances, plans, strict=True):
         recorder.record(instance, plan)
     if cache:

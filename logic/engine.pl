@@ -233,15 +233,16 @@ exclude(Class, C, R, D) :-
 %   Lift C once before it is combined with many operands: an optimisation for loops whose first operand
 %   is a con(Y) and whose second one binds Y. Undone on backtracking.
 
-warm([con(Y), Class], C) :-
-    outermost(Class, Y),
+warm([con(Y), Operand], C) :-
+    relation(Operand, Y, Class),
     !,
     lift(Class, C, L),
     b_setval(lifted, lifted(Class, C, L)).
 warm(_, _).
 
-outermost(role(Y,_), Y).
-outermost(triple(Y,_,_), Y).
+relation(role(Y,X), Y, role(Y,X)).
+relation(own(role(Y,X)), Y, role(Y,X)).
+relation(triple(Z,Y,X), Z, triple(Z,Y,X)).
 
 lifted(Class, C, L) :-
     b_getval(lifted, lifted(Class0, C0, L0)),

@@ -5,6 +5,7 @@
             display/2,              % ?Name, ?Text
             owner/3,                % ?Predicate, ?Sort, ?Position
             at_most_one/1,          % ?Predicate
+            fluent/1,               % +Predicate
             transition/3,           % ?Transition, ?From, ?To
             state_count/1,          % -Count
             entity_count/2,         % ?Sort, -Count
@@ -110,6 +111,13 @@ number_entities(P, T, N) :-
     forall(nth0(I, Es, E), assertz(slot(E, P, T, I))),
     length(Es, N),
     assertz(entity_count(P, T, N)).
+
+%!  fluent(+Predicate) is semidet.
+%
+%   Some tuple of Predicate is not true in all states of its problem.
+
+fluent(Name) :-
+    once(fluent(Name, _, _)).
 
 %!  tuple(+Predicate, -Problem, -States, -Arguments) is nondet.
 %

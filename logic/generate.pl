@@ -99,6 +99,8 @@ arity(imp(_), 1).
 arity(role(_,_), 2).
 arity(triple(_,_,_), 3).
 arity(pred(Class), N) :- arity(Class, N).
+arity(test(Class), N) :- arity(Class, N).
+arity(own(Class), N) :- arity(Class, N).
 arity(link(Class), N) :- arity(Class, N).
 
 result_kind(Result, any) :- var(Result), !.

@@ -210,6 +210,8 @@ known_class(imp(_)).
 known_class(triple(_, _, _)).
 known_class(pred(_)).
 known_class(link(_)).
+known_class(own(_)).
+known_class(test(_)).
 
 body_problem(Body, "the body calls a variable") :-
     var(Body),

@@ -61,17 +61,22 @@ bound(_, [I,K], Dependencies, function) :-
     !.
 bound(_, _, _, many).
 
-view_positions(pred, _, _, Keys, _, Positions) :-
+view_positions(Kind, Name, _, Keys, _, Positions) :-
     length(Keys, N),
+    (   N >= 2,
+        \+ fluent(Name)
+    ->  Kind = test
+    ;   Kind = pred
+    ),
     key_positions(N, Keys, Positions).
-view_positions(link, Name, Sorts, _, Dependencies, Positions) :-
+view_positions(Kind, Name, Sorts, _, Dependencies, Positions) :-
     member(I-K, Dependencies),
     (   length(Sorts, 2)
     ->  true
     ;   nth1(I, Sorts, T),
         owner(Name, T, I)
     ),
-    permutation([I,K], Positions).
+    member(Kind-Positions, [own-[K,I], link-[I,K]]).
 
 key_positions(N, Keys, Positions) :-
     N =< 3,

@@ -53,15 +53,15 @@ def write(atom: Atom) -> str:
 class World:
     """One problem: blocks on a table (and on each other or on a tray), sampled poses, grasps, trajectories."""
 
-    def __init__(self, rng: random.Random, blocks: int, poses: int, tray: bool, per_grasp: int = 1) -> None:
+    def __init__(self, rng: random.Random, blocks: int, poses: int, tray: bool, per_grasp: int = 1, colours: bool = False) -> None:
         self.rng = rng
         self.blocks = [f"b{i}" for i in range(blocks)]
         self.supports = ["table"] + (["tray"] if tray else [])
         self.entities: dict[str, list[str]] = {s: [] for s in SORTS}
         self.entities[O] = [*self.supports, *self.blocks]
         self.static: set[Atom] = {("table", "table"), ("region", "table")} | {("movable", b) for b in self.blocks}
-        colours = ("red", "green", "blue")
-        self.static |= {(colours[i % 3], b) for i, b in enumerate(self.blocks)}
+        if colours:
+            self.static |= {(("red", "green", "blue")[i % 3], b) for i, b in enumerate(self.blocks)}
         self.static |= {("stackable", b, s) for b in self.blocks for s in self.supports + self.blocks if b != s}
         self.owner: dict[str, tuple[str, str]] = {}
         self.grasps: dict[str, str] = {}

@@ -1,0 +1,227 @@
+"""From a task to a policy: demonstrations, feature pool, abstraction and policy, roll-outs, bundle."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import gentamp_lp
+from gentamp_lp.abstraction import Solution, synthesize_policy
+from gentamp_lp.compile import constrained_domain, to_text
+from gentamp_lp.dataset import Dataset
+from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
+from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.guided import DeadEnd, GuidedPlanner
+from gentamp_lp.policy import Policy
+from gentamp_lp.pool import Pool, describe, generate_pool
+from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.task import Instance, Task
+
+Progress = Callable[[str], None]
+FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
+ROLLOUT_ROUNDS = 5
+STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
+
+
+@dataclass
+class Learned:
+    """A learned policy with all that is reported about it."""
+
+    task: Task
+    policy: Policy
+    dataset: Dataset
+    pool: Pool
+    solution: Solution
+    complexity: int
+    rounds: int
+    seconds: dict[str, float]
+    domain_pddl: str = ""
+    stream_pddl: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def report(self) -> dict[str, Any]:
+        """The JSON document of `gentamp-lp learn`."""
+        policy = self.policy
+        return {
+            "task": self.task.name,
+            "version": gentamp_lp.__version__,
+            "features": [
+                {"name": f.name, "formula": f.text, "term": f.formula, "kind": f.kind, "cost": f.cost}
+                for f in policy.features
+            ],
+            "actions": [
+                {
+                    "name": a.name,
+                    "schemas": list(a.schemas),
+                    "preconditions": dict(a.preconditions),
+                    "effects": dict(a.effects),
+                }
+                for a in policy.actions
+            ],
+            "policy": [{"state": dict(rule.valuation), "action": rule.action} for rule in policy.rules],
+            "fairness": policy.fairness,
+            "optimal": self.solution.optimal,
+            "cost": self.solution.cost,
+            "bound": self.solution.bound,
+            "complexity": self.complexity,
+            "states": len(self.dataset.states),
+            "transitions": len(self.dataset.transitions),
+            "problems": len(self.dataset.problems),
+            "pool_size": self.pool.size,
+            "pool_statistics": dict(self.pool.statistics),
+            "refinement_rounds": self.rounds,
+            "notes": self.notes,
+            "seconds": {**{k: round(v, 3) for k, v in self.seconds.items()}, "total": round(sum(self.seconds.values()), 3)},
+        }
+
+    def save(self, folder: Path) -> None:
+        """Write the policy bundle, whole or not at all."""
+        self.policy.save(folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report())
+
+
+@dataclass
+class _Clock:
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
+
+    @contextmanager
+    def stage(self, name: str) -> Any:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] += time.perf_counter() - start
+
+
+def learn(
+    task: Task,
+    *,
+    seed: int = 0,
+    robot: str | None = None,
+    grammars: Sequence[Path] = (),
+    max_complexity: int | None = None,
+    around: bool = True,
+    fairness: str = "qnp",
+    time_limit: float = 600.0,
+    cache: bool = True,
+    progress: Progress = lambda _: None,
+) -> Learned:
+    """Learn a policy for a task (paper, Algorithm 1, with the changes of docs/method.md).
+
+    `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an explanation
+    when no policy exists over the pool, LimitReached when the limit ends without one.
+    """
+    clock = _Clock()
+    deadline = time.monotonic() + time_limit
+    with clock.stage("demonstrations"):
+        data = demonstrate(
+            task, seed=seed, robot=robot, around=around, time_limit=time_limit, cache=cache, progress=progress
+        )
+    progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
+    grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
+    highest = max_complexity or task.file.max_complexity
+    notes: list[str] = []
+    for rounds in range(ROLLOUT_ROUNDS + 1):
+        learned = _choose(task, data, grammars, highest, fairness, seed, deadline, clock, progress)
+        with clock.stage("rollouts"):
+            failures = _roll_out(learned.policy, task, seed, robot, data, deadline, around, progress)
+        if not failures:
+            break
+        notes += failures
+    else:
+        notes.append("the policy still fails on training problems after all refinement rounds")
+    with clock.stage("compilation"):
+        sorts = {name: tuple(s) for name, s in data.predicates.items()}
+        domain = constrained_domain(learned.policy, task.folder, sorts)
+        learned.domain_pddl = to_text(domain, learned.policy)
+        learned.stream_pddl = (task.folder.path / "stream.pddl").read_text(encoding="utf-8")
+    learned.rounds, learned.notes = rounds, notes
+    return learned
+
+
+def _choose(
+    task: Task,
+    data: Dataset,
+    grammars: Sequence[Path],
+    highest: int,
+    fairness: str,
+    seed: int,
+    deadline: float,
+    clock: _Clock,
+    progress: Progress,
+) -> Learned:
+    """Deepen the pool level by level while a deeper feature could still give a cheaper abstraction."""
+    best: tuple[Pool, Solution, int, str] | None = None
+    failure: NoAnswer | None = None
+    for level in range(min(FIRST_LEVEL, highest), highest + 1):
+        left = deadline - time.monotonic()
+        if left <= 0:
+            break
+        try:
+            with clock.stage("pool"):
+                pool = generate_pool(data.pool_facts(), max_cost=level, grammars=grammars, time_limit=left)
+            progress(f"complexity {level}: {pool.size} features")
+            facts = data.policy_facts() + pool.facts
+            solution = synthesize_policy(
+                facts, fairness=fairness, time_limit=deadline - time.monotonic(), seed=seed, progress=progress
+            )
+        except NoAnswer as error:
+            failure = error
+            progress(f"complexity {level}: no policy over this pool")
+            continue
+        except LimitReached:
+            if best is None:
+                raise
+            progress(f"complexity {level}: limit reached, keeping the policy of a lower level")
+            break
+        for stage in ("theory", "solving"):
+            clock.seconds[stage] += solution.seconds.get(stage, 0.0)
+        if best is None or solution.cost < best[1].cost:
+            best = (pool, solution, level, facts)
+        if solution.optimal and best[1].cost <= level + 1:
+            break  # an abstraction with a deeper feature costs at least level + 1
+    if best is None:
+        raise failure or LimitReached("the time limit ended learning before a pool was searched")
+    pool, solution, level, facts = best
+    with clock.stage("policy"):
+        texts = {f: describe(pool.formulas[f], data.display) for f in solution.features}
+        policy = Policy.from_solution(
+            solution, facts, pool.formulas, texts, task=task.name, extra={"sorts": data.predicates}
+        )
+    return Learned(task, policy, data, pool, solution, level, 0, clock.seconds)
+
+
+def _roll_out(
+    policy: Policy,
+    task: Task,
+    seed: int,
+    robot: str | None,
+    data: Dataset,
+    deadline: float,
+    around: bool,
+    progress: Progress,
+) -> list[str]:
+    """Follow the policy on the training problems; where it fails, add a demonstration from the failing state."""
+    failures = []
+    for index, size in enumerate(task.file.train):
+        instance = task.instance(size, seed * 1000 + index, robot=robot)
+        try:
+            GuidedPlanner(policy, instance).solve(time_limit=max(1.0, deadline - time.monotonic()))
+        except DeadEnd as end:
+            failures.append(f"{task.name}-{size}: {end}")
+            progress(f"roll-out failed on {failures[-1]}")
+            _learn_from(end, instance, task, data, deadline, around)
+    return failures
+
+
+def _learn_from(end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool) -> None:
+    """Record what the planner does from where the policy failed, as a problem of its own."""
+    state = end.state
+    base, program = instance.base, task.program
+    left = max(1.0, deadline - time.monotonic())
+    plan = solve_incremental(program, base, state, task.goal, quota=task.file.samples, time_limit=left)
+    plan = canonical(program, base, state, task.goal, plan)
+    Recorder.resume(task, data, around=around).record(instance, plan, state)

@@ -1,0 +1,126 @@
+"""Solving one instance: guided by a policy or unguided, always validated before it is called solved."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from gentamp_lp.compile import constrained_domain, original_step
+from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.guided import DeadEnd, GuidedPlanner
+from gentamp_lp.plan import Plan
+from gentamp_lp.policy import Policy
+from gentamp_lp.streams.formula import And, Atom
+from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.semantics import Program, Step
+from gentamp_lp.task import Instance, Task
+from gentamp_lp.validate import validate
+
+
+@dataclass
+class Solved:
+    """The outcome of one run; `plan` is None when nothing was found, `problems` what the validator objects to."""
+
+    instance: Instance
+    mode: str
+    planner: str
+    seconds: float
+    validation_seconds: float
+    plan: Plan | None
+    problems: list[str]
+    reason: str | None = None
+    limited: bool = False
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is a plan and the validator accepts it."""
+        return self.plan is not None and not self.problems
+
+    def report(self) -> dict[str, Any]:
+        """The JSON document of `gentamp-lp solve`."""
+        statistics = self.instance.base.statistics
+        return {
+            "task": self.instance.task.name,
+            "size": self.instance.size,
+            "parameters": dict(self.instance.parameters),
+            "seed": self.instance.seed,
+            "robot": self.instance.robot,
+            "mode": self.mode,
+            "engine": "embedded",
+            "planner": self.planner,
+            "solved": self.plan is not None,
+            "valid": self.valid,
+            "reason": self.reason,
+            "problems": self.problems,
+            "seconds": round(self.seconds, 4),
+            "stream_seconds": round(sum(s.seconds for s in statistics.values()), 4),
+            "validation_seconds": round(self.validation_seconds, 4),
+            "streams": {name: {"calls": s.calls, "successes": s.successes} for name, s in statistics.items()},
+            "plan_length": len(self.plan.steps) if self.plan else None,
+            "plan": [[s.schema, *s.args] for s in self.plan.steps] if self.plan else None,
+        }
+
+
+def solve(
+    task: Task,
+    size: int | str,
+    seed: int = 0,
+    *,
+    policy: Policy | None = None,
+    robot: str | None = None,
+    time_limit: float = 120.0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Solved:
+    """Plan one instance and validate the plan: guided when a policy is given, else unguided.
+
+    `time_limit` (seconds) covers planning; drawing the instance and validating the plan come on top. Raises NoAnswer
+    when the instance cannot be drawn, InputError for a bad size.
+    """
+    instance = task.instance(size, seed, robot=robot)
+    mode = "guided" if policy else "unguided"
+    start = time.perf_counter()
+    steps, planner, reason, limited = None, mode, None, False
+    try:
+        if policy is None:
+            steps = solve_incremental(
+                task.program, instance.base, instance.state, task.goal,
+                quota=task.file.samples, time_limit=time_limit, progress=progress,
+            )  # fmt: skip
+        else:
+            steps, planner = _guided(policy, instance, time_limit, progress)
+    except LimitReached as error:
+        reason, limited = str(error), True
+    except NoAnswer as error:
+        reason = str(error)
+    seconds = time.perf_counter() - start
+    if steps is None:
+        return Solved(instance, mode, planner, seconds, 0.0, None, [], reason, limited)
+    start = time.perf_counter()
+    plan = Plan.of(instance, steps)
+    problems = validate(plan, task)
+    return Solved(instance, mode, planner, seconds, time.perf_counter() - start, plan, problems)
+
+
+def _guided(
+    policy: Policy, instance: Instance, time_limit: float, progress: Callable[[str], None]
+) -> tuple[list[Step], str]:
+    """Follow the policy step by step; if that fails, search the constrained domain over samples."""
+    start = time.monotonic()
+    try:
+        return GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps, "guided"
+    except DeadEnd as end:
+        progress(f"following the policy failed ({end}); searching the constrained domain")
+        task = instance.task
+        sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
+        program = Program.of(constrained_domain(policy, task.folder, sorts))
+        goal = And((task.goal, Atom("ready", ())))
+        left = time_limit - (time.monotonic() - start)
+        try:
+            found = solve_incremental(
+                program, instance.base, instance.state, goal, quota=task.file.samples, time_limit=left, max_levels=4
+            )
+        except NoAnswer:
+            raise end from None
+        return [step for step in map(original_step, found) if step is not None], "constrained domain"
