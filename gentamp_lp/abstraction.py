@@ -164,7 +164,7 @@ def theory_facts(theory: Theory) -> str:
         ("differ", _GOAL_PAIRS, _goal_pairs(theory)),
         ("tells", _COVERS, _cover_pairs(theory)),
     ):
-        for mask in minimal(pairs)[:number]:
+        for mask in minimal(pairs, number):
             lines.extend(f"{predicate}({pairs[mask][0]},{pairs[mask][1]},{name[i]})." for i in bits(mask))
     return "\n".join(lines)
 

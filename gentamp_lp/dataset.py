@@ -59,7 +59,9 @@ class Dataset:
 
     def pool_facts(self) -> str:
         """The facts from which Prolog builds the feature pool."""
-        lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]
+        lines = [
+            f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})
+        ]
         for name, sorts in self.predicates.items():
             lines.append(f"predicate({name}, [{', '.join(sorts)}]).")
             lines.append(f'display({name}, "{self.display[name]}").')
@@ -95,7 +97,9 @@ class Dataset:
         """A state in words, for explanations."""
         seen = self.states[state]
         problem = self.problems[seen.problem]
-        facts = ", ".join(f"{self.display[f[0]]}({', '.join(f[1:])})" for f in seen.facts if not f[0].startswith("sort-"))
+        facts = ", ".join(
+            f"{self.display[f[0]]}({', '.join(f[1:])})" for f in seen.facts if not f[0].startswith("sort-")
+        )
         kind = "goal " if seen.goal else ""
         return f"{kind}state {state} of size {problem.size}, seed {problem.seed}: {facts}"
 

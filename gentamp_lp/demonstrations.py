@@ -20,17 +20,27 @@ import platformdirs
 import gentamp_lp
 from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
 from gentamp_lp.invariants import at_most_one
-from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import Formula
-from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
+from gentamp_lp.streams.incremental import simulate, solve_incremental
 from gentamp_lp.streams.pddl import Stream, infer_sorts
-from gentamp_lp.streams.semantics import FactBase, Program, State, Step, View, applicable, apply, precondition_holds
+from gentamp_lp.streams.semantics import (
+    FactBase,
+    Program,
+    State,
+    Step,
+    View,
+    applicable,
+    apply,
+    precondition_holds,
+)
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
 
 
-def canonical(program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]) -> list[Step]:
+def canonical(
+    program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]
+) -> list[Step]:
     """The plan without dispensable steps, in canonical order (see the module's text)."""
     steps = _without_detours(program, base, state, goal, list(plan))
     rank = {schema.name: index for index, schema in enumerate(program.domain.actions)}
@@ -131,7 +141,9 @@ class Recorder:
             self._transition(problem, view, step, base, demonstrated=True)
             state = apply(view, step)
 
-    def _transition(self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool) -> None:
+    def _transition(
+        self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool
+    ) -> None:
         source = self._number(problem, view.state, base)
         target = self._number(problem, apply(view, step), base)
         key = (source, target, step.schema)
@@ -198,7 +210,11 @@ def cache_path(task: Task, seed: int, robot: str | None, around: bool) -> Path:
     sources = [*code.glob("*.py"), *code.glob("streams/*.py"), *code.glob("geometry/*.py")]
     for path in [task.path, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
         digest.update(path.read_bytes())
-    return Path(platformdirs.user_cache_dir("gentamp-lp"), "demonstrations", f"{task.name}-{digest.hexdigest()[:16]}.json.gz")
+    return Path(
+        platformdirs.user_cache_dir("gentamp-lp"),
+        "demonstrations",
+        f"{task.name}-{digest.hexdigest()[:16]}.json.gz",
+    )
 
 
 def _write(path: Path, content: bytes) -> None:

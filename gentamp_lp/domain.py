@@ -41,7 +41,9 @@ def load_domain(name: str, beside: Path | None = None, *, trust: bool = False) -
     path = (local if (local / "domain.pddl").is_file() else shipped).resolve()
     if not (path / "domain.pddl").is_file():
         known = ", ".join(sorted(p.parent.name for p in resource("domains").glob("*/domain.pddl")))
-        raise InputError(Diagnostic(f"no domain `{name}`", hint=f"give a folder with a domain.pddl, or one of: {known}"))
+        raise InputError(
+            Diagnostic(f"no domain `{name}`", hint=f"give a folder with a domain.pddl, or one of: {known}")
+        )
     if path in _LOADED:
         return _LOADED[path]
     if path.parent != resource("domains").resolve() and not trust:
@@ -69,7 +71,11 @@ def check_stream_map(folder: DomainFolder, generators: Mapping[str, Any]) -> Non
             )  # fmt: skip
     for name in sorted(set(generators) - declared):
         problems.append(
-            Diagnostic(f"sampler `{name}` is not declared", folder.path / "stream.pddl", hint=f"declare (:stream {name} ...)")
+            Diagnostic(
+                f"sampler `{name}` is not declared",
+                folder.path / "stream.pddl",
+                hint=f"declare (:stream {name} ...)",
+            )
         )
     if problems:
         raise InputError(*problems)
@@ -97,5 +103,9 @@ def _import(path: Path) -> ModuleType:
         raise InputError(Diagnostic(f"the domain's Python code fails to load: {error!r}", init)) from error
     missing = [hook for hook in HOOKS if not hasattr(module, hook)]
     if missing:
-        raise InputError(Diagnostic(f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md"))
+        raise InputError(
+            Diagnostic(
+                f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md"
+            )
+        )
     return module

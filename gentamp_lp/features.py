@@ -2,52 +2,36 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.policy import Feature
+from gentamp_lp.pool import Term, parse_term
 from gentamp_lp.streams.facts import sort_predicate
-from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, conjuncts, imply, normalize
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Forall,
+    Formula,
+    Not,
+    Or,
+    conjuncts,
+    imply,
+    normalize,
+)
 from gentamp_lp.streams.pddl import Axiom
 from gentamp_lp.streams.semantics import View
-
-_TOKEN = re.compile(r"\s*([a-z]\w*|[(),])")
-
 
 def to_formula(term: str) -> Formula:
     """Read `some(v1,object,conj(on(v0,v1),movable(v1)))` and the like. Raises InputError for anything else.
 
     Quantifiers range over the entities of their sort; the guard is left out where the body implies it.
     """
-    tokens = _TOKEN.findall(term)
-    if "".join(tokens) != re.sub(r"\s", "", term):
-        raise InputError(Diagnostic(f"not a feature formula: `{term}`"))
-    stream = iter(tokens)
-    tree, rest = _tree(next(stream, ""), stream)
-    if rest:
-        raise InputError(Diagnostic(f"text after the end of the formula: `{term}`"))
-    return _convert(tree, frozenset())
+    return _convert(parse_term(term), frozenset())
 
 
-_Tree = tuple[str, list["_Tree"]]
-
-
-def _tree(head: str, tokens: Iterator[str]) -> tuple[_Tree, str]:
-    """Parse one term; returns it with the token after it."""
-    following = next(tokens, "")
-    children: list[_Tree] = []
-    if following != "(":
-        return (head, children), following
-    while True:
-        child, following = _tree(next(tokens, ""), tokens)
-        children.append(child)
-        if following != ",":
-            return (head, children), next(tokens, "")
-
-
-def _convert(tree: _Tree, scope: frozenset[str]) -> Formula:
+def _convert(tree: Term, scope: frozenset[str]) -> Formula:
     name, parts = tree
     match name, len(parts):
         case "neg", 1:
@@ -58,7 +42,7 @@ def _convert(tree: _Tree, scope: frozenset[str]) -> Formula:
             return Or((_convert(parts[0], scope), _convert(parts[1], scope)))
         case "implies", 2:
             return imply(_convert(parts[0], scope), _convert(parts[1], scope))
-        case ("some" | "every"), 3:
+        case (("some" | "every"), 3):
             variable, sort = f"?{parts[0][0]}", parts[1][0]
             body = _convert(parts[2], scope | {variable})
             guard = Atom(sort_predicate(sort), (variable,))

@@ -54,7 +54,9 @@ class LazyView(View):
         while waiting:
             again = []
             for inputs in waiting:
-                if self.base.drawn(stream, inputs) >= self._limit(stream.name) or self.base.exhausted(stream, inputs):
+                if self.base.drawn(stream, inputs) >= self._limit(stream.name) or self.base.exhausted(
+                    stream, inputs
+                ):
                     continue
                 again.append(inputs)
                 outputs = self.base.draw(stream, inputs)
@@ -152,7 +154,9 @@ class GuidedPlanner:
         """
         self._deadline = time.monotonic() + time_limit
         quota = quota_for(self.base, self._read, self.instance.task.file.samples)
-        sample(self.base, quota, self._deadline)  # features that quantify over samples need the task's number of them
+        sample(
+            self.base, quota, self._deadline
+        )  # features that quantify over samples need the task's number of them
         failure = DeadEnd("the policy was not tried")
         total = 0
         for self._round in range(max_rounds):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
@@ -17,7 +18,7 @@ from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.policy import Policy
-from gentamp_lp.pool import Pool, describe, generate_pool
+from gentamp_lp.pool import Pool, deepen, describe
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
@@ -46,6 +47,7 @@ class Learned:
     def report(self) -> dict[str, Any]:
         """The JSON document of `gentamp-lp learn`."""
         policy = self.policy
+        names = [feature.name for feature in policy.features]
         return {
             "task": self.task.name,
             "version": gentamp_lp.__version__,
@@ -62,7 +64,10 @@ class Learned:
                 }
                 for a in policy.actions
             ],
-            "policy": [{"state": dict(rule.valuation), "action": rule.action} for rule in policy.rules],
+            "policy": [
+                {"state": dict(zip(names, rule.valuation, strict=True)), "action": rule.action}
+                for rule in policy.rules
+            ],
             "fairness": policy.fairness,
             "optimal": self.solution.optimal,
             "cost": self.solution.cost,
@@ -75,12 +80,17 @@ class Learned:
             "pool_statistics": dict(self.pool.statistics),
             "refinement_rounds": self.rounds,
             "notes": self.notes,
-            "seconds": {**{k: round(v, 3) for k, v in self.seconds.items()}, "total": round(sum(self.seconds.values()), 3)},
+            "seconds": {
+                **{k: round(v, 3) for k, v in self.seconds.items()},
+                "total": round(sum(self.seconds.values()), 3),
+            },
         }
 
     def save(self, folder: Path) -> None:
         """Write the policy bundle, whole or not at all."""
-        self.policy.save(folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report())
+        self.policy.save(
+            folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report()
+        )
 
 
 @dataclass
@@ -120,19 +130,24 @@ def learn(
         data = demonstrate(
             task, seed=seed, robot=robot, around=around, time_limit=time_limit, cache=cache, progress=progress
         )
-    progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
+    progress(
+        f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)"
+    )
     grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
     highest = max_complexity or task.file.max_complexity
     notes: list[str] = []
-    for rounds in range(ROLLOUT_ROUNDS + 1):
+    rounds = -1
+    while True:
+        rounds += 1
         learned = _choose(task, data, grammars, highest, fairness, seed, deadline, clock, progress)
         with clock.stage("rollouts"):
             failures = _roll_out(learned.policy, task, seed, robot, data, deadline, around, progress)
         if not failures:
             break
         notes += failures
-    else:
-        notes.append("the policy still fails on training problems after all refinement rounds")
+        if rounds == ROLLOUT_ROUNDS:
+            notes.append("the policy still fails on training problems after all refinement rounds")
+            break
     with clock.stage("compilation"):
         sorts = {name: tuple(s) for name, s in data.predicates.items()}
         domain = constrained_domain(learned.policy, task.folder, sorts)
@@ -156,18 +171,16 @@ def _choose(
     """Deepen the pool level by level while a deeper feature could still give a cheaper abstraction."""
     best: tuple[Pool, Solution, int, str] | None = None
     failure: NoAnswer | None = None
-    for level in range(min(FIRST_LEVEL, highest), highest + 1):
-        left = deadline - time.monotonic()
-        if left <= 0:
-            break
+    levels = range(min(FIRST_LEVEL, highest), highest + 1)
+    pools = deepen(data.pool_facts(), costs=levels, grammars=grammars, time_limit=deadline - time.monotonic())
+    for level in levels:
         try:
             with clock.stage("pool"):
-                pool = generate_pool(data.pool_facts(), max_cost=level, grammars=grammars, time_limit=left)
+                pool = next(pools)
             progress(f"complexity {level}: {pool.size} features")
             facts = data.policy_facts() + pool.facts
-            solution = synthesize_policy(
-                facts, fairness=fairness, time_limit=deadline - time.monotonic(), seed=seed, progress=progress
-            )
+            left = deadline - time.monotonic()
+            solution = synthesize_policy(facts, fairness=fairness, time_limit=left, seed=seed, progress=progress)
         except NoAnswer as error:
             failure = error
             progress(f"complexity {level}: no policy over this pool")
@@ -187,9 +200,15 @@ def _choose(
         raise failure or LimitReached("the time limit ended learning before a pool was searched")
     pool, solution, level, facts = best
     with clock.stage("policy"):
-        texts = {f: describe(pool.formulas[f], data.display) for f in solution.features}
+        parts = {f: split_formula(pool.formulas[f]) for f in solution.features}
         policy = Policy.from_solution(
-            solution, facts, pool.formulas, texts, task=task.name, extra={"sorts": data.predicates}
+            solution,
+            facts,
+            {f: body for f, (_, _, body) in parts.items()},
+            {f: describe(body, data.display) for f, (_, _, body) in parts.items()},
+            task=task.name,
+            variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
+            extra={"sorts": data.predicates},
         )
     return Learned(task, policy, data, pool, solution, level, 0, clock.seconds)
 
@@ -217,11 +236,22 @@ def _roll_out(
     return failures
 
 
-def _learn_from(end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool) -> None:
+def _learn_from(
+    end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool
+) -> None:
     """Record what the planner does from where the policy failed, as a problem of its own."""
     state = end.state
     base, program = instance.base, task.program
     left = max(1.0, deadline - time.monotonic())
     plan = solve_incremental(program, base, state, task.goal, quota=task.file.samples, time_limit=left)
     plan = canonical(program, base, state, task.goal, plan)
-    Recorder.resume(task, data, around=around).record(instance, plan, state)
+    Recorder(task, data, around=around).record(instance, plan, state)
+
+
+def split_formula(text: str) -> tuple[str | None, str | None, str]:
+    """Variable, sort and body of `formula(Id, Variable, Sort, Body)`; a closed formula has no variable."""
+    found = re.fullmatch(r"formula\(\d+, *(\w+), *(\w+), *(.*)\)\.?", text)
+    if found is None:
+        raise AssertionError(f"not a formula of the pool: {text}")
+    variable, sort, body = found.groups()
+    return (None, None, body) if variable == "none" else (variable, sort, body)

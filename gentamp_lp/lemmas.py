@@ -103,7 +103,7 @@ class Theory:
             for values in (*(state.values for state in self.expanded), *self.frontier)
             for goal in looks.get(values & selection, ())
         }
-        return [Lemma("goal", frozenset(), selected=clause) for clause in minimal(clauses)[:_AT_A_TIME]]
+        return [Lemma("goal", frozenset(), selected=clause) for clause in minimal(clauses, _AT_A_TIME)]
 
     def _consistency(self, selection: int, answered: list[tuple[Expanded, Move]]) -> list[Lemma]:
         lemmas: dict[Lemma, None] = {}
@@ -261,14 +261,16 @@ def short_loops(edges: list[Edge[int]]) -> list[list[Edge[int]]]:
     return sorted(loops.values(), key=len)
 
 
-def minimal(sets: Iterable[int]) -> list[int]:
-    """Return the inclusion-minimal masks, smallest first.
+def minimal(sets: Iterable[int], limit: int | None = None) -> list[int]:
+    """Return the inclusion-minimal masks, smallest first; only so many if a limit is given.
 
     >>> minimal([0b111, 0b011, 0b100])
     [4, 3]
     """
     kept: list[int] = []
     for candidate in sorted(set(sets), key=lambda mask: (mask.bit_count(), mask)):
+        if len(kept) == limit:
+            break
         if not any(mask & candidate == mask for mask in kept):
             kept.append(candidate)
     return kept

@@ -43,7 +43,13 @@ class Plan:
         ]
         entities = {name: code.encode(base.values[name], names) for name in _by_dependency(used, instance)}
         return cls(
-            instance.task.reference, instance.size, instance.seed, instance.robot, tuple(steps), entities, tuple(facts)
+            instance.task.reference,
+            instance.size,
+            instance.seed,
+            instance.robot,
+            tuple(steps),
+            entities,
+            tuple(facts),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -82,7 +88,9 @@ class Plan:
         except OSError as error:
             raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
         except json.JSONDecodeError as error:
-            raise InputError(Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)) from None
+            raise InputError(
+                Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)
+            ) from None
         except (KeyError, TypeError, ValueError) as error:
             hint = "write plans with `gentamp-lp solve --out`"
             raise InputError(Diagnostic(f"not a plan file: {error!r}", path, hint=hint)) from None

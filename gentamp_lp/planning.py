@@ -119,7 +119,13 @@ def _guided(
         left = time_limit - (time.monotonic() - start)
         try:
             found = solve_incremental(
-                program, instance.base, instance.state, goal, quota=task.file.samples, time_limit=left, max_levels=4
+                program,
+                instance.base,
+                instance.state,
+                goal,
+                quota=task.file.samples,
+                time_limit=left,
+                max_levels=4,
             )
         except NoAnswer:
             raise end from None

@@ -103,11 +103,16 @@ class Task:
         if len(parts) != len(names) or not all(p.isdigit() and int(p) > 0 for p in parts):
             forms = {"-".join(p.upper() for p in self.file.size), "-".join(p.upper() for p in required)}
             raise InputError(
-                Diagnostic(f"`{size}` is not a size of task `{self.name}`", hint=f"write {' or '.join(sorted(forms))} in numbers")
+                Diagnostic(
+                    f"`{size}` is not a size of task `{self.name}`",
+                    hint=f"write {' or '.join(sorted(forms))} in numbers",
+                )
             )
         given = dict(zip(names, map(int, parts), strict=True))
         return {
-            p: given[p] if p in given else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
+            p: given[p]
+            if p in given
+            else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
             for p in self.file.size
         }
 
@@ -157,7 +162,9 @@ def _find(name: str | Path) -> Path:
     if path.suffix == "" and len(path.parts) == 1 and shipped.is_file():
         return shipped
     hint = f"give the path of a task file or one of: {', '.join(shipped_tasks())}"
-    raise InputError(Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint))
+    raise InputError(
+        Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint)
+    )
 
 
 def _read_yaml(path: Path) -> Any:
@@ -178,7 +185,9 @@ def _validate(model: Any, value: Any, root: Any, path: Path, prefix: tuple[str, 
         raise InputError(
             *(
                 Diagnostic(
-                    f"{'.'.join(map(str, (*prefix, *e['loc']))) or 'file'}: {e['msg']}", path, _line(root, (*prefix, *e["loc"]))
+                    f"{'.'.join(map(str, (*prefix, *e['loc']))) or 'file'}: {e['msg']}",
+                    path,
+                    _line(root, (*prefix, *e["loc"])),
                 )
                 for e in error.errors()
             )

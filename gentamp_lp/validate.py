@@ -8,6 +8,7 @@ by the domain's own checker (PyBullet for `tabletop`, where planning used FCL).
 from __future__ import annotations
 
 import time
+
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.plan import Plan
 from gentamp_lp.streams.incremental import quota_for, sample

@@ -5,6 +5,9 @@
             shape/3,                % +Class, -Outer, -Width
             assemble/3,             % +Blocks, +Width, -Bits
             warm/2,                 % +Classes, +Bits
+            wider/3,                % +Class, +C, -D
+            single/2,               % +Class, +Bits
+            count_bits/3,           % +Class, +Bits, -Planes
                                     % what a grammar may call:
             meet/3,                 % +A, +B, -D
             join/3,                 % +A, +B, -D
@@ -126,8 +129,7 @@ product_mask(Class, Outer, Inner, Mask) :-
     mask(con(Outer), M1),
     mask(Inner, M2),
     lift(Class, M1, L),
-    shape(Class, N, W),
-    replicate(N, W, M2, R),
+    wider(Class, M2, R),
     Mask is L /\ R.
 
 %!  assemble(+Blocks, +Width, -Bits) is det.
@@ -300,6 +302,14 @@ make_spread_steps(K, N, S, W, [Shift-Mask|Steps]) :-
     K1 is K-1,
     make_spread_steps(K1, N, S, W, Steps).
 
+%!  wider(+Class, +C, -D) is det.
+%
+%   C speaks of all variables of Class but the outermost; D says the same for every value of that one.
+
+wider(Class, C, D) :-
+    shape(Class, N, W),
+    replicate(N, W, C, D).
+
 % replicate(+N, +W, +A, -D): N copies of A, each W bits after the one before.
 
 replicate(1, _, A, A) :- !.
@@ -342,3 +352,49 @@ closure(role(T,T), R, D) :-
     ->  D = R
     ;   closure(role(T,T), D1, D)
     ).
+
+%!  count_bits(+Class, +Bits, -Planes:list) is det.
+%
+%   Count, over the outermost variable of Class: plane I holds binary digit I of the counts, for all values
+%   of the other variables and all states at once. The upper half of the blocks is added to the lower half,
+%   digit by digit, until one block remains. The last plane is not 0.
+
+count_bits(Class, Bits, Planes) :-
+    shape(Class, N, W),
+    count_blocks(N, W, [Bits], Planes).
+
+count_blocks(1, _, Planes0, Planes) :-
+    !,
+    strip_zeros(Planes0, Planes).
+count_blocks(N, W, Planes0, Planes) :-
+    H is (N+1) // 2,
+    Half is H*W,
+    Low is (1<<Half) - 1,
+    add_halves(Planes0, Half, Low, 0, Planes1),
+    count_blocks(H, W, Planes1, Planes).
+
+add_halves([], _, _, Carry, [Carry]).
+add_halves([P|Ps], Half, Low, Carry0, [D|Ds]) :-
+    A is P /\ Low,
+    B is P >> Half,
+    X is A xor B,
+    D is X xor Carry0,
+    Carry is (A /\ B) \/ (X /\ Carry0),
+    add_halves(Ps, Half, Low, Carry, Ds).
+
+strip_zeros(Planes0, Planes) :-
+    reverse(Planes0, Reversed0),
+    strip_leading(Reversed0, Reversed),
+    reverse(Reversed, Planes).
+
+strip_leading([0|Ps], Planes) :- !, strip_leading(Ps, Planes).
+strip_leading(Planes, Planes).
+
+%!  single(+Class, +Bits) is semidet.
+%
+%   At most one value of the outermost variable goes with any values of the others.
+
+single(Class, Bits) :-
+    count_bits(Class, Bits, Planes),
+    length(Planes, N),
+    N =< 1.

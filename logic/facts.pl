@@ -47,7 +47,8 @@ read_facts(File) :-
                        read_terms(In),
                        close(In)),
     number_states,
-    number_entities.
+    number_entities,
+    check_bounds.
 
 clear :-
     forall(member(Name/Arity,
@@ -111,6 +112,13 @@ number_entities(P, T, N) :-
     forall(nth0(I, Es, E), assertz(slot(E, P, T, I))),
     length(Es, N),
     assertz(entity_count(P, T, N)).
+
+check_bounds :-
+    forall(( at_most_one(Name), tuple(Name, P, States1, A1), tuple(Name, P, States2, A2), A1 @< A2 ),
+           (   States1 /\ States2 =:= 0
+           ->  true
+           ;   domain_error(at_most_one(Name), A1-A2)
+           )).
 
 %!  fluent(+Predicate) is semidet.
 %

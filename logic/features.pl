@@ -89,8 +89,7 @@ feature_item(Cost, Class, Item, Bits) :-
 
 offer_feature(Class, Cost, Item, Bits) :-
     increment(features),
-    shape(Class, N, W),
-    count_bits(N, W, [Bits], Planes),
+    count_bits(Class, Bits, Planes),
     meta(Item, Size, Rank, Bound, _, _),
     kind(Class, Bound, Kind),
     nb_getval(values, Values),
@@ -156,36 +155,6 @@ better(Key, Item, Key0, Item0) :-
         item_formula(Item0, _, Sort0, F0),
         f(Sort, F) @< f(Sort0, F0)
     ).
-
-% count_bits(+N, +W, +Planes0, -Planes): add up N blocks of W bits: the upper half of the blocks is added to
-% the lower half, digit by digit and all states at once, until one block remains.
-
-count_bits(1, _, Planes0, Planes) :-
-    !,
-    strip_zeros(Planes0, Planes).
-count_bits(N, W, Planes0, Planes) :-
-    H is (N+1) // 2,
-    Half is H*W,
-    Low is (1<<Half) - 1,
-    add_halves(Planes0, Half, Low, 0, Planes1),
-    count_bits(H, W, Planes1, Planes).
-
-add_halves([], _, _, Carry, [Carry]).
-add_halves([P|Ps], Half, Low, Carry0, [D|Ds]) :-
-    A is P /\ Low,
-    B is P >> Half,
-    X is A xor B,
-    D is X xor Carry0,
-    Carry is (A /\ B) \/ (X /\ Carry0),
-    add_halves(Ps, Half, Low, Carry, Ds).
-
-strip_zeros(Planes0, Planes) :-
-    reverse(Planes0, Reversed0),
-    strip_leading(Reversed0, Reversed),
-    reverse(Reversed, Planes).
-
-strip_leading([0|Ps], Planes) :- !, strip_leading(Ps, Planes).
-strip_leading(Planes, Planes).
 
 % behaviour(+Planes, -Pos, -Inc, -Dec): compare the numbers before and after, least significant digit first.
 

@@ -48,20 +48,19 @@ start_generating :-
     nb_setval(next_id, 1),
     nb_setval(unit_start, 1),
     make_plans,
-    forall(view(Kind, Class, Name, Positions, Bound),
-           enter_view(Kind, Class, Name, Positions, Bound)).
+    forall(view(Kind, Class, Name, Positions, Bound, Bits),
+           enter_view(Bits, Kind, Class, Name, Positions, Bound)).
 
-enter_view(Kind, Class, Name, Positions, Bound) :-
-    (   shape(Class, _, _)
-    ->  view_bits(Class, Name, Positions, Bits),
-        length(Positions, Arity),
-        ViewClass =.. [Kind, Class],
-        mask(Class, Mask),
-        new_bucket(ViewClass, 0, Arity, -, Bucket),
-        trie(ViewClass, Trie),
-        offer(Bucket, Trie, Mask, new(view(Name, Positions), [], Bound, 1, 0, 0, -), Bits)
-    ;   increment(views_too_large)
-    ).
+enter_view(none, _, _, _, _, _) :-
+    !,
+    increment(views_too_large).
+enter_view(Bits, Kind, Class, Name, Positions, Bound) :-
+    length(Positions, Arity),
+    ViewClass =.. [Kind, Class],
+    mask(Class, Mask),
+    new_bucket(ViewClass, 0, Arity, -, Bucket),
+    trie(ViewClass, Trie),
+    offer(Bucket, Trie, Mask, new(view(Name, Positions), [], Bound, 1, 0, 0, -), Bits).
 
 % plan(ResultKind, Operands, Result, Cost, Shared, Commutative, Rules): rules of the same shape, tried
 % together so that an operand is fetched (and lifted) once for all of them. Shared is how many variables

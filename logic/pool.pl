@@ -1,5 +1,5 @@
 :- module(pool,
-          [ pool_grammar/2,         % +GrammarFiles, -Diagnostics
+          [ pool_grammar/1,         % +GrammarFiles
             pool_open/1,            % +FactsFile
             pool_level/1,           % +Cost
             pool_features/1,        % +Cost
@@ -15,7 +15,7 @@
 
 /** <module> The feature pool
 
-    ?- pool_grammar(['grammar.lp'], []),
+    ?- pool_grammar(['grammar.lp']),
        pool_open('facts.pl'),
        forall(between(0, 3, Cost), pool_level(Cost)),
        forall(between(0, 3, Cost), pool_features(Cost)).
@@ -25,12 +25,15 @@ builds formulas up to a cost (generate.pl), keeps the features that behave diffe
 prints them as facts that Prolog and clingo both read, with their formulas (formula.pl).
 */
 
-%!  pool_grammar(+Files:list(atom), -Diagnostics:list) is det.
+%!  pool_grammar(+Files:list(atom)) is det.
 %
-%   Load the grammar. It is usable if Diagnostics is empty.
+%   Load the grammar, and print what is wrong with it as lines `File TAB Line TAB Column TAB Message`. It is
+%   usable if nothing is printed.
 
-pool_grammar(Files, Diagnostics) :-
-    load_grammars(Files, Diagnostics).
+pool_grammar(Files) :-
+    load_grammars(Files, Diagnostics),
+    forall(member(diagnostic(File, Line, Column, Message), Diagnostics),
+           format("~w\t~d\t~d\t~s~n", [File, Line, Column, Message])).
 
 %!  pool_open(+File) is det.
 %

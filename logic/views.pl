@@ -1,6 +1,5 @@
 :- module(views,
-          [ view/5,                 % -Kind, -Class, -Predicate, -Positions, -Bound
-            view_bits/4             % +Class, +Predicate, +Positions, -Bits
+          [ view/6                  % -Kind, -Class, -Predicate, -Positions, -Bound, -Bits
           ]).
 :- use_module(library(apply), [maplist/3]).
 :- use_module(library(lists), [nth1/3, subtract/3, permutation/2]).
@@ -18,23 +17,28 @@ it prints as, whether or not the data collapse; what the check decides is only w
 Under negation the projection is the guarded reading: not CFree(p,q) says that the poses p and q _of
 their own objects_ collide.
 
-Every predicate with data has these views, in either order of two variables:
+Every predicate with data has the view of its keys, the arguments that no other argument determines; at
+most three, or else all pairs of them. On top of that, an owning predicate like Pose(o,p,s) has a view
+of its entity p with each of the arguments that p determines, and a fluent like AtPose(o,p) has the view
+that finds p from o. What kind of formula a view is depends on its data:
 
-  - the arguments that no other argument determines (kind `pred`): at most two of them; or three
-    as a triple and as its pairs; or more as all pairs;
-  - the whole of a predicate with two arguments, one of which determines the other, and for the predicate
-    that owns a sampled entity one pair entity-input for each input (kind `link`).
+  - `own` if it relates two variables and in every state at most one first goes with a second ("its
+    support"): then "every" would only add "or none";
+  - `link` for the converse of an own view of a sampled entity ("one of its poses"). Links are never
+    negated: "x is not a pose of o" holds of nearly all pairs;
+  - `test` for another static relation, `pred` for all else.
 
-Links are never negated: "x is not the pose of o" holds of nearly all pairs and says nothing about either.
+A relation that is merely the product of its two projections, like a Stackable(o,s) that holds of all
+movable o and all supports s, is replaced by the projections.
 */
 
-%!  view(-Kind, -Class, -Predicate, -Positions, -Bound) is nondet.
+%!  view(-Kind, -Class, -Predicate, -Positions, -Bound, -Bits) is nondet.
 %
-%   Predicate can be used as a formula of Class whose variables are its arguments at Positions.
-%   Bound is `one` if at most one tuple is true in a state, `function` if the first variable determines the
-%   second, and `many` otherwise.
+%   Predicate can be used as a formula of Class whose variables are its arguments at Positions, and Bits is
+%   its denotation (`none` if too large for a bit vector). Bound is `one` if at most one tuple is true in a
+%   state, `function` if the first variable determines the second, and `many` otherwise.
 
-view(Kind, Class, Name, Positions, Bound) :-
+view(Kind, Class, Name, Positions, Bound, Bits) :-
     findall(Name0-Sorts0, predicate(Name0, Sorts0), Predicates0),
     msort(Predicates0, Predicates),
     prepare_images,
@@ -42,11 +46,30 @@ view(Kind, Class, Name, Positions, Bound) :-
     once(tuple(Name, _, _, _)),
     dependencies(Name, Sorts, Dependencies),
     keys(Sorts, Dependencies, Keys),
-    view_positions(Kind, Name, Sorts, Keys, Dependencies, Positions),
+    view_positions(Kind0, Name, Sorts, Keys, Dependencies, Positions),
     maplist([I, T]>>nth1(I, Sorts, T), Positions, Variables),
     class(Variables, Class),
-    shape(Class, _, _),
+    (   shape(Class, _, _)
+    ->  view_bits(Class, Name, Positions, Bits)
+    ;   Bits = none
+    ),
+    kind(Kind0, Name, Class, Bits, Kind),
     bound(Name, Positions, Dependencies, Bound).
+
+kind(_, _, role(Y,X), Bits, own) :-
+    integer(Bits),
+    single(role(Y,X), Bits),
+    !.
+kind(key, Name, Class, _, test) :-
+    arity(Class, N),
+    N >= 2,
+    \+ fluent(Name),
+    !.
+kind(key, _, _, _, pred).
+kind(link, _, _, _, link).
+
+arity(Class, N) :-
+    functor(Class, _, N).
 
 class([], prop).
 class([X], con(X)).
@@ -61,22 +84,26 @@ bound(_, [I,K], Dependencies, function) :-
     !.
 bound(_, _, _, many).
 
-view_positions(Kind, Name, _, Keys, _, Positions) :-
+view_positions(key, Name, Sorts, Keys, _, Positions) :-
     length(Keys, N),
-    (   N >= 2,
-        \+ fluent(Name)
-    ->  Kind = test
-    ;   Kind = pred
-    ),
-    key_positions(N, Keys, Positions).
-view_positions(Kind, Name, Sorts, _, Dependencies, Positions) :-
+    (   N =:= 2,
+        Keys = [I,K],
+        product(Name, Sorts, I, K)
+    ->  member(Positions, [[I], [K]])
+    ;   key_positions(N, Keys, Positions)
+    ).
+view_positions(link, Name, Sorts, _, Dependencies, Positions) :-
     member(I-K, Dependencies),
-    (   length(Sorts, 2)
-    ->  true
-    ;   nth1(I, Sorts, T),
-        owner(Name, T, I)
-    ),
-    member(Kind-Positions, [own-[K,I], link-[I,K]]).
+    nth1(I, Sorts, T),
+    (   owner(Name, T, I)
+    ->  permutation([I,K], Positions)
+    ;   length(Sorts, 2),
+        fluent(Name),
+        nth1(K, Sorts, U),
+        view_bits(role(T,U), Name, [I,K], Bits),
+        single(role(T,U), Bits),
+        Positions = [I,K]
+    ).
 
 key_positions(N, Keys, Positions) :-
     N =< 3,
@@ -86,6 +113,20 @@ key_positions(N, Keys, [I,K]) :-
     member(I, Keys),
     member(K, Keys),
     I =\= K.
+
+% product(+Name, +Sorts, +I, +K): the relation between arguments I and K is all pairs of some set with another.
+
+product(Name, Sorts, I, K) :-
+    nth1(I, Sorts, T),
+    nth1(K, Sorts, U),
+    shape(role(T,U), _, _),
+    view_bits(role(T,U), Name, [I,K], Bits),
+    view_bits(con(T), Name, [I], First),
+    view_bits(con(U), Name, [K], Second),
+    mask(role(T,U), Mask),
+    restrict(role(T,U), First, Mask, P),
+    wider(role(T,U), Second, W),
+    Bits =:= P /\ W.
 
 % dependencies(+Name, +Sorts, -Pairs): I-K where argument I determines argument K in all the data.
 
@@ -148,9 +189,7 @@ add_image(Owner, M, P, E, V) :-
 add_image(Owner, M, P, E, V) :-
     assertz(image(Owner, M, P, E, V)).
 
-%!  view_bits(+Class, +Predicate, +Positions, -Bits) is det.
-%
-%   Bits is the denotation of Predicate projected onto Positions.
+% view_bits(+Class, +Predicate, +Positions, -Bits): the denotation of Predicate projected onto Positions.
 
 view_bits(Class, Name, Positions, Bits) :-
     Class =.. [_|Sorts],

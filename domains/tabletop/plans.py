@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,10 @@ import numpy as np
 from PIL import Image
 
 from gentamp_lp.geometry.grasping import Grasp
-from gentamp_lp.geometry.render import MOVIE, STILL, Scene, save_movie, save_still
-from gentamp_lp.geometry.replay import TABLE, Replay
+from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
+from gentamp_lp.geometry.replay import TABLE, Replay, State
 from gentamp_lp.geometry.robots import Trajectory
-from gentamp_lp.geometry.transforms import Array, inverse
+from gentamp_lp.geometry.transforms import Array
 
 from .samplers import Reach
 from .scene import Placement, World
@@ -26,7 +26,12 @@ def encode(value: Any, names: Mapping[int, str]) -> dict[str, Any]:
     match value:
         case Placement():
             base = names[id(value.base)] if value.base is not None else None
-            return {"sort": "placement", "frame": value.frame, "transform": value.transform.tolist(), "base": base}
+            return {
+                "sort": "placement",
+                "frame": value.frame,
+                "transform": value.transform.tolist(),
+                "base": base,
+            }
         case Grasp():
             return {"sort": "grasp", "tool": value.tool.tolist(), "opening": value.opening}
         case Reach():
@@ -54,7 +59,9 @@ def decode(data: Mapping[str, Any], world: World, values: Mapping[str, Any]) -> 
             placement, place, grasp = (values[data[key]] for key in ("placement", "place", "grasp"))
             moving = placement.frame != "world"
             target = place.transform @ placement.transform if moving else placement.transform
-            trajectory = Trajectory(np.array(data["configurations"], dtype=np.float64), float(data["opening"]))
+            trajectory = Trajectory(
+                np.array(data["configurations"], dtype=np.float64), float(data["opening"])
+            )
             name = data["object"]
             return Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory)
     raise ValueError(f"unknown sort `{data['sort']}`")
@@ -73,10 +80,18 @@ def _support(world: World, name: str) -> str:
 
 def check_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -> list[str]:
     """Replay a plan in PyBullet; returns what is wrong with it, nothing when it is sound."""
+    return _replay(world, steps, values, None)
+
+
+def _replay(
+    world: World, steps: Sequence[Step], values: Mapping[str, Any], watch: Callable[[State], object] | None
+) -> list[str]:
     supports = {fact[1]: fact[3] for fact in world.static if fact[0] == "pose"}
-    with Replay(world.robot) as replay:
+    with Replay(world.robot, watch) as replay:
         for name, placement in world.start.items():
             replay.add(name, world.shapes[name], placement.transform, _support(world, supports[name]))
+        if watch is not None:
+            watch(replay.state())
         for action, (name, where, support, _, grasp, reach) in steps:
             path: Reach = values[reach]
             if action == "pick":
@@ -90,47 +105,15 @@ def check_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -
         return list(replay.violations)
 
 
-def _frames(world: World, steps: Sequence[Step], values: Mapping[str, Any], scene: Scene) -> Iterator[None]:
-    """Move the scene through a plan; yields whenever there is something new to see."""
-    where: dict[str, Array] = {}
-    above: dict[str, str] = {}
-    for name, placement in world.start.items():
-        scene.add(name, world.shapes[name], placement.transform)
-        where[name] = placement.transform
-    scene.set_robot(world.robot.home, world.robot.opening)
-    yield
-    for action, (name, _, support, _, grasp, reach) in steps:
-        trajectory = values[reach].trajectory
-        offset = inverse(values[grasp].tool)
-        down = trajectory.configurations[[0, -1]]
-        for holding, path in ((action == "place", down), (action == "pick", down[::-1])):
-            if holding:
-                above.pop(name, None)
-            for configuration in path:
-                scene.set_robot(configuration, trajectory.opening)
-                if holding:
-                    change = world.robot.tool(configuration) @ offset @ inverse(where[name])
-                    for moved in (name, *(rider for rider, below in above.items() if below == name)):
-                        where[moved] = change @ where[moved]
-                        scene.move(moved, where[moved])
-                yield
-        if action == "place":
-            above[name] = support
-
-
 def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], path: Path) -> None:
     """Write a GIF of the plan, or for a `.png` its first state beside its last."""
-    with Scene(world.robot) as scene:
-        if path.suffix == ".png":
-            first, last = None, None
-            for _ in _frames(world, steps, values, scene):
-                first = first or scene.picture(STILL)
-            last = scene.picture(STILL)
-            assert first is not None
-            both = Image.new("RGB", (first.width * 2, first.height))
-            both.paste(first, (0, 0))
-            both.paste(last, (first.width, 0))
-            save_still(both, path)
-        else:
-            pictures = [scene.picture(MOVIE) for _ in _frames(world, steps, values, scene)]
-            save_movie(pictures, path, seconds=0.15)
+    states: list[State] = []
+    _replay(world, steps, values, states.append)
+    if path.suffix == ".png":
+        first, last = film(world.robot, world.shapes, [states[0], states[-1]], STILL)
+        both = Image.new("RGB", (first.width + last.width, first.height))
+        both.paste(first, (0, 0))
+        both.paste(last, (first.width, 0))
+        save_still(both, path)
+    else:
+        save_movie(film(world.robot, world.shapes, smooth(world.robot, states)), path, seconds=0.08)

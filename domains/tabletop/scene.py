@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -139,10 +140,14 @@ class Scene(_Section):
         groups = {group.name for group in self.things}
         for group in self.things:
             if group.start.choice.support not in self.supports:
-                raise ValueError(f"`{group.name}` starts on `{group.start.choice.support}`, which is no support")
+                raise ValueError(
+                    f"`{group.name}` starts on `{group.start.choice.support}`, which is no support"
+                )
             for goal in group.goes:
                 if goal not in self.supports and goal not in groups:
-                    raise ValueError(f"`{group.name}` goes to `{goal}`, which is neither a support nor a thing")
+                    raise ValueError(
+                        f"`{group.name}` goes to `{goal}`, which is neither a support nor a thing"
+                    )
         return self
 
 
@@ -181,7 +186,7 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
 
     Raises NoAnswer with the reason when none was found, KeyError for an unknown size parameter.
     """
-    world = World(make_robot(robot), scene.supports)
+    world = World(_robot(robot), scene.supports)
     for name, support in scene.supports.items():
         world.values[name] = name
         world.values[f"at_{name}"] = Placement("world", np.eye(4))
@@ -204,6 +209,12 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
     return world
 
 
+@lru_cache
+def _robot(name: str) -> Robot:
+    """One robot of each kind a process: loading its meshes takes half a second."""
+    return make_robot(name)
+
+
 def _count(count: Count, parameters: Mapping[str, int]) -> int:
     return count if isinstance(count, int) else parameters[count]
 
@@ -213,7 +224,12 @@ def _number(value: float | Span, rng: np.random.Generator) -> float:
 
 
 def _shape(
-    group: Things, index: int, name: str, world: World, parameters: Mapping[str, int], rng: np.random.Generator
+    group: Things,
+    index: int,
+    name: str,
+    world: World,
+    parameters: Mapping[str, int],
+    rng: np.random.Generator,
 ) -> Shape:
     option = group.shapes[int(rng.integers(len(group.shapes)))]
     colour = next((COLOURS[t] for t in group.traits if t in COLOURS), PALETTE[index % len(PALETTE)])
@@ -268,7 +284,9 @@ def _draw(world: World, name: str, area: Area, gap: float, rng: np.random.Genera
     for placement in uniform_placements(area, rng):
         if _free(world, name, placement, gap) and reachable(world, name, placement, rng):
             return placement
-    raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
+    raise NoAnswer(
+        f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things"
+    )
 
 
 def uniform_placements(area: Area, rng: np.random.Generator, tries: int = _TRIES) -> Iterator[Placement]:
@@ -309,5 +327,3 @@ def _stand(world: World, name: str, placement: Placement, support: str) -> None:
     world.values[where] = placement
     world.static += [("pose", name, where, support), ("stand", name, where)]
     world.fluents.append(("atpose", name, where))
-
-

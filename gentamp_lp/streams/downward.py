@@ -20,7 +20,18 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, normalize, to_pddl
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Formula,
+    Not,
+    Or,
+    atoms,
+    conjuncts,
+    normalize,
+    to_pddl,
+)
 from gentamp_lp.streams.pddl import Effect
 from gentamp_lp.streams.semantics import FactBase, Program, State, Step
 

@@ -139,7 +139,9 @@ class _Reader:
             if name.name == "-":
                 raise self.error("types are not supported", name.line, "use unary predicates instead")
             if not name.name.startswith("?"):
-                raise self.error(f"`{name.spelling}` is not a variable", name.line, f"write `?{name.spelling}`")
+                raise self.error(
+                    f"`{name.spelling}` is not a variable", name.line, f"write `?{name.spelling}`"
+                )
             names.append(name.name)
         if len(set(names)) != len(names):
             raise self.error("a variable is declared twice", group.line)
@@ -209,7 +211,9 @@ class _Reader:
                 yield from self.effects(group.items[2], scope, variables, And((*conjuncts(condition), when)))
             case "not":
                 self.size(group, 2)
-                yield Effect(self.atom(self.group(group.items[1], "an atom"), scope), False, variables, condition)
+                yield Effect(
+                    self.atom(self.group(group.items[1], "an atom"), scope), False, variables, condition
+                )
             case "increase" | "decrease" | "assign":
                 raise self.error("action costs and numbers are not supported", group.line)
             case _:
@@ -333,12 +337,14 @@ def _stream(reader: _Reader, group: Group, domain: Domain) -> Stream:
     unguarded = set(inputs) - {arg for atom in conditions for arg in atom.args}
     if unguarded:
         raise reader.error(
-            f"input(s) {', '.join(sorted(unguarded))} of stream `{name}` occur in no `:domain` fact", group.line
+            f"input(s) {', '.join(sorted(unguarded))} of stream `{name}` occur in no `:domain` fact",
+            group.line,
         )
     for atom in (*conditions, *certified):
         if atom.predicate in domain.fluents or atom.predicate in domain.derived:
             raise reader.error(
-                f"stream `{name}` uses `{atom.predicate}`, which actions or axioms change", group.line,
+                f"stream `{name}` uses `{atom.predicate}`, which actions or axioms change",
+                group.line,
                 "streams speak of static and certified predicates only",
             )
     if not outputs and any(set(a.args) - set(inputs) for a in certified):
@@ -347,8 +353,12 @@ def _stream(reader: _Reader, group: Group, domain: Domain) -> Stream:
 
 
 def parse_formula(
-    text: str, domain: Domain, constants: Iterable[str] = (), path: Path | str | None = None,
-    line_offset: int = 0, scope: Iterable[str] = (),
+    text: str,
+    domain: Domain,
+    constants: Iterable[str] = (),
+    path: Path | str | None = None,
+    line_offset: int = 0,
+    scope: Iterable[str] = (),
 ) -> Formula:
     """Parse one condition (a goal, say) over the domain's predicates."""
     known = frozenset(domain.constants) | {c.lower() for c in constants}
@@ -373,9 +383,9 @@ def infer_sorts(
 ) -> dict[str, tuple[str, ...]]:
     """Group argument positions into sorts: positions filled by one variable, or one entity, have one sort.
 
-    Union-find over the predicates' argument positions; a variable that occurs in two positions of one
-    action, axiom or stream joins them, and so does an entity in two positions of `facts`. Returns for every predicate the sort of each argument, named after
-    a variable that fills it (`?p` gives the sort `p`).
+    Union-find over the predicates' argument positions; a variable that occurs in two positions of one action,
+    axiom or stream joins them, and so does an entity in two positions of `facts`. Returns for every predicate the
+    sort of each argument, named after a variable that fills it (`?p` gives the sort `p`).
     """
     parent: dict[tuple[str, int], tuple[str, int]] = {}
     label: dict[tuple[str, int], str] = {}
@@ -417,8 +427,9 @@ def infer_sorts(
             if root not in names:
                 base = label.get((predicate.name, index), predicate.name)
                 taken = set(names.values())
-                names[root] = next(n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken)
+                names[root] = next(
+                    n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken
+                )
             row.append(names[root])
         sorts[predicate.name] = tuple(row)
     return sorts
-

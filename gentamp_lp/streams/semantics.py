@@ -74,7 +74,9 @@ class Program:
                 if negative:
                     line = table[head][0].line
                     raise InputError(
-                        Diagnostic(f"derived predicate `{head}` depends on its own negation", domain.path, line)
+                        Diagnostic(
+                            f"derived predicate `{head}` depends on its own negation", domain.path, line
+                        )
                     )
         preconditions = {a.name: normalize(a.precondition) for a in domain.actions}
         return cls(domain, {k: tuple(v) for k, v in table.items()}, frozenset(recursive), preconditions)
@@ -177,7 +179,9 @@ class View:
                     yield from self._solve([*conjuncts(body), *rest], binding)
             case Or(parts):
                 if _free(goal) <= binding.keys():
-                    if any(next(self._solve(list(conjuncts(p)), dict(binding)), None) is not None for p in parts):
+                    if any(
+                        next(self._solve(list(conjuncts(p)), dict(binding)), None) is not None for p in parts
+                    ):
                         yield from self._solve(rest, binding)
                 else:
                     for part in parts:
@@ -200,8 +204,8 @@ class View:
         """How dear it is to look at this conjunct next (cheapest first)."""
         unbound = _free(goal) - binding.keys()
         match goal:
-            case Atom("="):
-                return 0 if len(unbound) < 2 else _NEVER
+            case Atom("=", args):
+                return _NEVER if unbound.issuperset(args) else 0
             case Atom(predicate, args):
                 if not unbound:
                     return 3 if predicate in self.base.tests else int(predicate in self.program.axioms)

@@ -1,0 +1,374 @@
+"""The command line. Data goes to stdout, messages to stderr; exit codes are those of `gentamp_lp.errors`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from gentamp_lp import __version__
+from gentamp_lp.errors import Diagnostic, GentampError, InputError
+
+app = typer.Typer(
+    name="gentamp-lp",
+    help="Learn a policy for a robot task from a few small problems, then plan any size with it.\n\n"
+    "Start with `gentamp-lp learn unstack`, then `gentamp-lp solve unstack --size 16`.\n\n"
+    "Exit codes: 0 done; 1 a true negative answer (no policy, no plan, plan invalid); 2 bad input; "
+    "3 a limit was reached; 130 interrupted.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+messages = Console(stderr=True, highlight=False)
+
+
+class Transitions(StrEnum):
+    """Which transitions learning sees."""
+
+    plan = "plan"
+    around = "around"
+
+
+class Fairness(StrEnum):
+    """What a policy may assume of its nondeterministic outcomes."""
+
+    qnp = "qnp"
+    strong_cyclic = "strong-cyclic"
+    strong = "strong"
+
+
+class Mode(StrEnum):
+    """How an instance is planned."""
+
+    guided = "guided"
+    unguided = "unguided"
+
+
+TaskArg = Annotated[
+    str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")
+]
+JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
+QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
+SeedOpt = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same result.")]
+RobotOpt = Annotated[
+    str | None, typer.Option("--robot", help="Robot instead of the task's: gripper or panda.")
+]
+TrustOpt = Annotated[
+    bool, typer.Option("--trust", help="Run the Python samplers of a domain that is not shipped.")
+]
+
+
+class _Progress:
+    """Messages of a long stage, unless silenced."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet = quiet
+
+    def __call__(self, text: str) -> None:
+        if not self.quiet:
+            messages.print(f"[dim]·[/dim] {text}", markup=True)
+
+
+def _print_json(document: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+@app.command()
+def learn(
+    task: TaskArg,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the policy bundle [runs/TASK].")
+    ] = None,
+    grammar: Annotated[
+        list[Path] | None, typer.Option("--grammar", help="Grammar file to add (repeatable).")
+    ] = None,
+    max_complexity: Annotated[
+        int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
+    ] = None,
+    transitions: Annotated[
+        Transitions, typer.Option(help="Plans only, or plans and what is around them.")
+    ] = Transitions.around,
+    fairness: Annotated[Fairness, typer.Option(help="Weakest guarantee to accept.")] = Fairness.qnp,
+    time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for everything.")] = 600.0,
+    cache: Annotated[bool, typer.Option(help="Use demonstrations planned before.")] = True,
+    robot: RobotOpt = None,
+    seed: SeedOpt = 0,
+    json_: JsonOpt = False,
+    quiet: QuietOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Learn a policy: demonstrations, feature pool, abstraction and policy, compiled domain.
+
+    Example: `gentamp-lp learn tasks/unstack.yaml` writes runs/unstack with the policy as ASP facts (policy.lp), its
+    features (features.pl), the constrained PDDL domain, a picture (policy.svg) and a report.
+    """
+    from gentamp_lp.learning import learn as run
+    from gentamp_lp.task import Task
+
+    loaded = Task.load(task, trust=trust)
+    learned = run(
+        loaded,
+        seed=seed,
+        robot=robot,
+        grammars=tuple(grammar or ()),
+        max_complexity=max_complexity,
+        around=transitions is Transitions.around,
+        fairness=fairness.value,
+        time_limit=time_limit,
+        cache=cache,
+        progress=_Progress(quiet),
+    )
+    folder = out or Path("runs", loaded.name)
+    learned.save(folder)
+    if json_:
+        _print_json(learned.report())
+    else:
+        _say(learned.policy.text())
+        _timing(learned.report())
+    messages.print(f"policy written to {folder}")
+
+
+def _timing(report: dict[str, Any]) -> None:
+    """Print the timing table; the paper's rows are pool, theory, solving, policy and compilation."""
+    seconds = report["seconds"]
+    table = Table(title="seconds", title_justify="left", box=None)
+    for stage in seconds:
+        table.add_column(stage, justify="right")
+    table.add_row(*(f"{value:.2f}" for value in seconds.values()))
+    Console(highlight=False, width=100).print(table)
+    proof = "proved optimal" if report["optimal"] else f"not proved optimal, bound {report['bound']}"
+    _say(
+        f"cost {report['cost']} ({proof} at complexity {report['complexity']}), fairness {report['fairness']}, "
+        f"{report['pool_size']} features, {report['states']} states, {report['transitions']} transitions"
+    )
+
+
+@app.command()
+def solve(
+    task: TaskArg,
+    size: Annotated[str, typer.Option("--size", help="Size as the paper writes it: 16, or 2-8.")],
+    policy: Annotated[Path | None, typer.Option("--policy", help="Policy bundle [runs/TASK].")] = None,
+    mode: Annotated[Mode, typer.Option(help="Follow a policy, or plan without one.")] = Mode.guided,
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
+    out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
+    render: Annotated[
+        Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")
+    ] = None,
+    robot: RobotOpt = None,
+    seed: SeedOpt = 0,
+    json_: JsonOpt = False,
+    quiet: QuietOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Plan one instance, guided by a learned policy, and validate the plan.
+
+    Example: `gentamp-lp solve unstack --size 16 --seed 1 --out plan.json --render plan.gif`
+    """
+    from gentamp_lp.planning import solve as run
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.task import Task
+
+    loaded = Task.load(task, trust=trust)
+    if render is not None and render.suffix not in (".gif", ".png"):
+        raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
+    guide = None
+    if mode is Mode.guided:
+        folder = policy or Path("runs", loaded.name)
+        if not folder.is_dir():
+            raise InputError(
+                Diagnostic(
+                    f"no policy in `{folder}`",
+                    hint=f"run `gentamp-lp learn {task}` first, or plan with --mode unguided",
+                )
+            )
+        guide = Policy.load(folder)
+        if guide.task != loaded.name:
+            raise InputError(
+                Diagnostic(f"the policy in `{folder}` is for task `{guide.task}`, not `{loaded.name}`")
+            )
+    result = run(loaded, size, seed, policy=guide, robot=robot, time_limit=timeout, progress=_Progress(quiet))
+    if result.plan is not None and out is not None:
+        result.plan.save(out)
+        messages.print(f"plan written to {out}")
+    if result.plan is not None and render is not None:
+        code, base = loaded.folder.code, result.instance.base
+        code.render_plan(
+            result.instance.world, [(s.schema, s.args) for s in result.plan.steps], base.values, render
+        )
+        messages.print(f"picture written to {render}")
+    report = result.report()
+    if json_:
+        _print_json(report)
+    elif result.plan is None:
+        _say(f"no plan: {result.reason}")
+    else:
+        for number, step in enumerate(result.plan.steps, 1):
+            _say(f"{number:3}. {step.schema}({', '.join(step.args)})")
+        verdict = "valid" if result.valid else "INVALID: " + "; ".join(result.problems)
+        _say(
+            f"{len(result.plan.steps)} steps, {verdict}; {report['seconds']:.2f} s, "
+            f"{report['stream_seconds']:.2f} s of it in streams ({report['planner']})"
+        )
+    if not result.valid:
+        raise typer.Exit(3 if result.limited else 1)
+
+
+@app.command()
+def validate(
+    file: Annotated[Path, typer.Argument(help="Plan file written by `solve --out`, or a policy bundle.")],
+    json_: JsonOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Check a plan (symbolically and by replaying its motions in PyBullet) or the certificate of a policy bundle.
+
+    Example: `gentamp-lp validate plan.json`
+    """
+    from gentamp_lp.plan import Plan
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.task import Task
+    from gentamp_lp.validate import validate as check
+
+    if file.is_dir():
+        problems = Policy.load(file).check()
+    else:
+        plan = Plan.load(file)
+        problems = check(plan, Task.load(plan.task, trust=trust))
+    if json_:
+        _print_json({"file": str(file), "valid": not problems, "problems": problems})
+    else:
+        _say("\n".join(problems) if problems else f"{file}: valid")
+    if problems:
+        raise typer.Exit(1)
+
+
+@app.command("compile")
+def compile_(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for domain.pddl and stream.pddl.")],
+    task: Annotated[
+        str | None, typer.Option("--task", help="Task of the policy, when it is not a shipped one.")
+    ] = None,
+    json_: JsonOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Compile a (perhaps edited) policy bundle into a constrained PDDL domain.
+
+    Example: `gentamp-lp compile runs/unstack --out constrained`
+    """
+    from gentamp_lp.compile import constrained_domain, to_text
+    from gentamp_lp.plan import write_text
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.task import Task
+
+    policy = Policy.load(folder)
+    loaded = Task.load(task or policy.task, trust=trust)
+    sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
+    domain = constrained_domain(policy, loaded.folder, sorts)
+    write_text(out / "domain.pddl", to_text(domain, policy))
+    write_text(out / "stream.pddl", (loaded.folder.path / "stream.pddl").read_text(encoding="utf-8"))
+    if json_:
+        names = [schema.name for schema in domain.actions]
+        _print_json(
+            {"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names}
+        )
+    else:
+        _say(f"{out / 'domain.pddl'}: {len(domain.actions)} actions, {len(domain.axioms)} axioms")
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Task files (.yaml), domains (folder), grammars (.lp)."),
+    ],
+    json_: JsonOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Look for mistakes in tasks, domains and grammar files; prints `file:line: message`.
+
+    Example: `gentamp-lp check tasks/*.yaml my_rules.lp`
+    """
+    from gentamp_lp.domain import load_domain
+    from gentamp_lp.pool import check_grammars
+    from gentamp_lp.task import Task
+
+    found: list[Diagnostic] = []
+    for file in files:
+        try:
+            if file.is_dir():
+                load_domain(str(file), trust=trust)
+            elif file.suffix == ".lp":
+                check_grammars([file])
+            else:
+                Task.load(file, trust=trust)
+        except InputError as error:
+            found += error.diagnostics
+    if json_:
+        _print_json({"files": [str(f) for f in files], "errors": [str(d) for d in found]})
+    for diagnostic in found:
+        messages.print(str(diagnostic), markup=False)
+    if found:
+        raise typer.Exit(2)
+    if not json_:
+        _say(f"{len(files)} file(s): no mistakes found")
+
+
+@app.command()
+def doctor(json_: JsonOpt = False) -> None:
+    """Say what is installed, where it was found, and how to get what is missing."""
+    from gentamp_lp.doctor import examine
+
+    findings = examine()
+    if json_:
+        _print_json(
+            {
+                "ok": all(f.ok for f in findings),
+                "version": __version__,
+                "findings": [vars(f) for f in findings],
+            }
+        )
+    else:
+        _say(f"gentamp-lp {__version__}")
+        for finding in findings:
+            _say(f"{'ok     ' if finding.ok else 'MISSING'} {finding.name}: {finding.detail}")
+            if not finding.ok:
+                _say(f"        hint: {finding.remedy}")
+    if not all(f.ok for f in findings):
+        raise typer.Exit(2)
+
+
+def _version(show: bool) -> None:
+    if show:
+        _say(f"gentamp-lp {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point of the `gentamp-lp` command."""
+    try:
+        app()
+    except GentampError as error:
+        messages.print(str(error) if isinstance(error, InputError) else f"error: {error}", markup=False)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        messages.print("interrupted")
+        sys.exit(130)

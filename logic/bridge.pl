@@ -1,0 +1,71 @@
+:- module(bridge,
+          [ load_report/2,          % +File, -Lines
+            answer/3                % +GoalText, -Status, -Output
+          ]).
+
+/** <module> What the Python side needs: loading with all complaints collected, and goals as text
+
+Consulting prints errors and drops the clauses concerned; here the complaints come back as text instead.
+*/
+
+:- dynamic collecting/0, complaint/4.
+
+:- multifile user:message_hook/3.
+user:message_hook(Term, Kind, Lines) :-
+    bridge:collecting,
+    memberchk(Kind, [error, warning]),
+    bridge:collect(Term, Lines).
+
+collect(Term, Lines) :-
+    (   Term = error(_, file(File, Line, Column, _))
+    ->  true
+    ;   source_location(File, Line)
+    ->  Column = -1
+    ;   File = '', Line = 0, Column = -1
+    ),
+    with_output_to(string(Text0), print_message_lines(current_output, '', Lines)),
+    split_string(Text0, "\n", " \t", Parts0),
+    exclude(==(""), Parts0, Parts),
+    atomic_list_concat(Parts, ' ', Text),
+    assertz(complaint(File, Line, Column, Text)).
+
+%!  load_report(+File:atom, -Lines:string) is det.
+%
+%   Load File. Lines has one line `File TAB Line TAB Column TAB Message` for every error and warning; Line 0 and
+%   Column 0 mean "unknown".
+
+load_report(File, Lines) :-
+    retractall(complaint(_, _, _, _)),
+    setup_call_cleanup(asserta(collecting),
+                       catch(user:load_files(File, []), Error, print_message(error, Error)),
+                       retractall(collecting)),
+    with_output_to(string(Lines),
+                   forall(complaint(F, L, C0, Text),
+                          ( C is C0 + 1,
+                            format("~w\t~w\t~w\t~w~n", [F, L, C, Text]) ))).
+
+%!  answer(+GoalText:atom, -Status, -Output:string) is det.
+%
+%   Run the goal once in module user. Status is `true`, `false`, `limit` or `error`; Output is what it printed,
+%   or the message if there was an error.
+
+answer(GoalText, Status, Output) :-
+    catch(( term_to_atom(Goal, GoalText),
+            with_output_to(string(Output),
+                           (   call(user:Goal)
+                           ->  Status = true
+                           ;   Status = false
+                           )) ),
+          Error,
+          failure(Error, Status, Output)).
+
+failure(Error, Status, Output) :-
+    ( Error = error(resource_error(_), _) -> Status = limit ; Status = error ),
+    message_to_lines(Error, Lines),
+    with_output_to(string(Output), print_message_lines(current_output, '', Lines)).
+
+message_to_lines(error(Formal, _), Lines) :-
+    !,
+    phrase(prolog:translate_message(error(Formal, _)), Lines).
+message_to_lines(Error, Lines) :-
+    phrase(prolog:translate_message(Error), Lines).

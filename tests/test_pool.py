@@ -1,0 +1,353 @@
+"""The feature pool: every printed formula against an independent evaluator, and the user's ways to fail."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import re
+import subprocess
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+import synthetic
+
+from gentamp_lp.errors import InputError, LimitReached, SolverError
+from gentamp_lp.pool import Pool, Term, check_grammars, deepen, describe, generate_pool, parse_term
+from gentamp_lp.prolog import Prolog, PrologProcess, quote
+
+LOGIC = Path(__file__).parent / "logic"
+
+# ---- An evaluator that shares nothing with the Prolog program
+
+
+class State:
+    def __init__(self, atoms: set[tuple[str, ...]], entities: dict[str, list[str]]) -> None:
+        self.atoms = atoms
+        self.entities = entities
+
+    def holds(self, formula: Term, values: dict[str, str]) -> bool:
+        name, arguments = formula
+        match name:
+            case "true":
+                return True
+            case "neg":
+                return not self.holds(arguments[0], values)
+            case "conj":
+                return all(self.holds(a, values) for a in arguments)
+            case "disj":
+                return any(self.holds(a, values) for a in arguments)
+            case "implies":
+                return not self.holds(arguments[0], values) or self.holds(arguments[1], values)
+            case "some" | "every":
+                (variable, _), (sort, _), body = arguments
+                test = any if name == "some" else all
+                return test(self.holds(body, values | {variable: e}) for e in self.entities[sort])
+            case "closure":
+                (u, _), (w, _), (sort, _), body, (y, _), (x, _) = arguments
+                seen: set[str] = set()
+                todo = [values[y]]
+                while todo:
+                    here = todo.pop()
+                    for e in self.entities[sort]:
+                        if e not in seen and self.holds(body, values | {u: here, w: e}):
+                            seen.add(e)
+                            todo.append(e)
+                return values[x] in seen
+            case _:
+                return (name, *(values[a[0]] for a in arguments)) in self.atoms
+
+    def value(self, formula: Term) -> int:
+        _, (_, (variable, _), (sort, _), body) = formula
+        if variable == "none":
+            return int(self.holds(body, {}))
+        return sum(self.holds(body, {variable: e}) for e in self.entities[sort])
+
+
+def behaviour(data: synthetic.Data, formula: str) -> tuple[set[int], set[int], set[int], int]:
+    term = parse_term(formula)
+    values = [State(atoms | data.static[p], data.entities[p]).value(term) for p, atoms in data.states]
+    changes = list(enumerate(data.transitions))
+    return (
+        {s for s, v in enumerate(values) if v},
+        {t for t, (s, s2) in changes if values[s2] > values[s]},
+        {t for t, (s, s2) in changes if values[s2] < values[s]},
+        max(values),
+    )
+
+
+def facts(pool: Pool, name: str) -> dict[int, set[int]]:
+    result: dict[int, set[int]] = {i: set() for i in pool.formulas}
+    for i, x in re.findall(rf"\b{name}\((\d+),(\d+)\)", pool.facts):
+        result[int(i)].add(int(x))
+    return result
+
+
+def features(pool: Pool) -> dict[int, tuple[int, str]]:
+    found = re.findall(r"feature\((\d+),(\d+),(\w+)\)", pool.facts)
+    return {int(i): (int(cost), kind) for i, cost, kind in found}
+
+
+def assert_exact(data: synthetic.Data, pool: Pool, only: Iterable[int] | None = None) -> None:
+    pos, inc, dec, kinds = facts(pool, "pos"), facts(pool, "inc"), facts(pool, "dec"), features(pool)
+    for i in pool.formulas if only is None else only:
+        expected = behaviour(data, pool.formulas[i])
+        assert (pos[i], inc[i], dec[i]) == expected[:3], pool.formulas[i]
+        if kinds[i][1] == "boolean":
+            assert expected[3] <= 1, pool.formulas[i]
+
+
+TINY = synthetic.load((1, 2), poses=2, seed=7)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        synthetic.unstack(3, poses=3, seed=1),
+        synthetic.load((1, 2), poses=3, seed=2),
+        synthetic.load((2, 1), poses=2, seed=3, around=False),
+        synthetic.unstack(4, poses=1, seed=4, around=False, per_grasp=2),
+    ],
+    ids=["unstack", "load", "load-plan", "unstack-plan"],
+)
+def test_formulas_mean_what_the_pool_says(data: synthetic.Data) -> None:
+    assert_exact(data, generate_pool(data.text(), max_cost=3))
+
+
+def test_a_sample_of_costly_formulas_means_what_the_pool_says() -> None:
+    pool = generate_pool(TINY.text(), max_cost=5)
+    costly = [i for i, (cost, _) in features(pool).items() if cost > 3]
+    assert_exact(TINY, pool, random.Random(0).sample(costly, min(300, len(costly))))
+
+
+def test_predicates_that_do_not_collapse_are_exact_too() -> None:
+    """Without owners, Pose/3 stays ternary, and CFree/4 and Reach/5 are seen through their pairs."""
+    data = synthetic.load((1, 2), poses=1, seed=5)
+    text = re.sub(r"owner\(.*\)\.\n", "", data.text())
+    pool = generate_pool(text, max_cost=3)
+    assert any("pose(" in f for f in pool.formulas.values())
+    only = random.Random(0).sample(list(pool.formulas), min(200, pool.size))
+    assert_exact(data, pool, only)
+
+
+def test_wrong_owner_is_not_believed() -> None:
+    """A pose that belongs to two objects determines neither; the values stay exact."""
+    data = synthetic.load((2,), poses=2, seed=6)
+    data.static[0] |= {("pose", "b0", p, "tray") for n, _, p, *_ in list(data.static[0]) if n == "pose"} if False else {
+        ("pose", "b0", a[2], "tray") for a in data.static[0] if a[0] == "pose"
+    }
+    assert_exact(data, generate_pool(data.text(), max_cost=2))
+
+
+# ---- What a pool promises
+
+
+@pytest.fixture(scope="module")
+def pool() -> Pool:
+    return generate_pool(synthetic.load((2, 3), poses=5).text(), max_cost=3)
+
+
+def test_no_two_features_behave_alike(pool: Pool) -> None:
+    pos, inc, dec = facts(pool, "pos"), facts(pool, "inc"), facts(pool, "dec")
+    states = {int(s) for s in re.findall(r"pos\(\d+,(\d+)\)", pool.facts)}
+    seen = set()
+    for i, (_, kind) in features(pool).items():
+        this = (kind, frozenset(pos[i]), frozenset(inc[i]), frozenset(dec[i]))
+        assert this not in seen
+        seen.add(this)
+        if kind == "boolean":
+            seen.add((kind, frozenset(states - pos[i]), this[3], this[2]))
+
+
+def test_features_are_ordered_by_cost_and_numbered_from_one(pool: Pool) -> None:
+    costs = [cost for cost, _ in features(pool).values()]
+    assert list(features(pool)) == list(range(1, pool.size + 1)) == list(pool.formulas)
+    assert costs == sorted(costs)
+
+
+def test_holding_is_boolean_and_the_rest_is_not_taken_for_one(pool: Pool) -> None:
+    kinds = {pool.formulas[i].split(",", 1)[1]: kind for i, (_, kind) in features(pool).items()}
+    assert any(kind == "boolean" and ("holding(v0)" in f or "atgrasp" in f or "handempty" in f) for f, kind in kinds.items())
+    for formula, kind in kinds.items():
+        if kind == "boolean" and not formula.startswith("none"):
+            assert re.search(r"holding|atgrasp|handempty", formula), formula
+
+
+def test_same_input_gives_the_same_bytes(pool: Pool) -> None:
+    again = generate_pool(synthetic.load((2, 3), poses=5).text(), max_cost=3)
+    assert (again.facts, again.formulas) == (pool.facts, pool.formulas)
+
+
+def test_renaming_and_reordering_entities_changes_nothing(pool: Pool) -> None:
+    text = synthetic.load((2, 3), poses=5).text()
+    entities = [line for line in text.splitlines() if line.startswith("entity(")]
+    others = [line for line in text.splitlines() if not line.startswith("entity(")]
+    shuffled = random.Random(1).sample(entities, len(entities))
+    renamed = re.sub(r"\b([bpgt])(\d+)\b", r"\1x\2", "\n".join(others + shuffled) + "\n")
+    again = generate_pool(renamed, max_cost=3)
+    assert (again.facts, again.formulas) == (pool.facts, pool.formulas)
+
+
+def test_a_deeper_pool_starts_with_the_shallower_one() -> None:
+    shallow, deep = deepen(TINY.text(), costs=[2, 4])
+    assert deep.facts.startswith(shallow.facts)
+    assert shallow.size < deep.size
+    assert deep.formulas.items() >= shallow.formulas.items()
+    assert (shallow.facts, shallow.formulas) == (lambda p: (p.facts, p.formulas))(generate_pool(TINY.text(), max_cost=2))
+
+
+def test_features_of_the_paper_are_in_the_pool() -> None:
+    """Each formula behaves like some feature of the pool up to its cost."""
+    data = synthetic.load((2, 3), poses=6, seed=1)
+    pool = generate_pool(data.text(), max_cost=4)
+    behaviours = set(zip(*({i: frozenset(x) for i, x in facts(pool, n).items()}.values() for n in ("pos", "inc", "dec")), strict=True))
+    for formula in (
+        "formula(0,v0,object,conj(holding(v0),neg(tray(v0))))",
+        "formula(0,v0,object,conj(holding(v0),tray(v0)))",
+        "formula(0,v0,object,some(v1,object,conj(on(v0,v1),neg(tray(v1)))))",
+        # a pose on the tray that is free of everything placed
+        "formula(0,v0,pose,some(v1,object,some(v2,object,conj(pose(v1,v0,v2),conj(tray(v2),"
+        "every(v3,object,every(v4,pose,implies(atpose(v3,v4),cfree(v1,v0,v3,v4)))))))))",
+    ):
+        pos, inc, dec, _ = behaviour(data, formula)
+        assert (frozenset(pos), frozenset(inc), frozenset(dec)) in behaviours, formula
+
+
+def test_size_and_time_stay_small() -> None:
+    pool = generate_pool(synthetic.unstack(8).text(), max_cost=4)
+    assert 100 < pool.size < 1500
+    assert pool.statistics["seconds"] < 10  # a tenth of it on an idle machine
+
+
+# ---- The user's grammar
+
+CLOSURE = """\
+% Above: the transitive closure of a relation.
+rule(plus, [role(T,T)], role(T,T), 1).
+sem(plus, [R], _, [A], D) :- closure(R, A, D).
+says(plus, [role(T,_)], [R], [Y,X], closure(U, W, T, R@[U,W], Y, X)).
+"""
+
+
+def test_a_user_rule_adds_transitive_closure(tmp_path: Path) -> None:
+    (tmp_path / "plus.lp").write_text(CLOSURE)
+    data = synthetic.unstack(4, poses=4)
+    pool = generate_pool(data.text(), max_cost=3, grammars=[tmp_path / "plus.lp"])
+    with_closure = [i for i, f in pool.formulas.items() if "closure(" in f]
+    assert with_closure
+    assert_exact(data, pool, with_closure)
+
+
+def test_a_rule_can_be_switched_off(tmp_path: Path) -> None:
+    (tmp_path / "mine.lp").write_text("off(only). off(none). off(all).\n")
+    pool = generate_pool(TINY.text(), max_cost=3, grammars=[tmp_path / "mine.lp"])
+    assert not any("every(" in f for f in pool.formulas.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("rule(a, [con(X)], con(X), 1)\nrule(b).\n", 2, "syntax error"),
+        ("\n:- shell(ls).\n", 2, "directive"),
+        ("sem(conj, _, _, [A], A) :- shell(ls).\n", 1, "not a primitive"),
+        ("sem(conj, _, _, [A], A) :- call(A).\n", 1, "not a primitive"),
+        ("sem(conj, _, _, [A], A) :- A.\n", 1, "calls a variable"),
+        ("sem(conj, _, _, [A], A) :- other:meet(A, A, A).\n", 1, "not a primitive"),
+        ("term_expansion(A, A).\n", 1, "cannot contain"),
+        ("rule(a, [con(X)], cone(X), 1).\n", 1, "unknown class"),
+        ("rule(a, [con(X)], con(X), 0).\n", 1, "at least 1"),
+        ("rule(a, [con(X)], con(X), many).\n", 1, "natural number"),
+        ("rule(conj, [con(X)], con(X), 1).\n", 1, "exists already"),
+        ("rule(a, [con(X)], con(X), 1).\n", 1, "has no sem/5"),
+        ("rule(a, [con(X)], con(Y), 1).\n", 1, "occurs only once"),
+        ("\noff(fooo).\n", 2, "does not exist"),
+    ],
+)
+def test_bad_grammars_are_refused_with_their_line(tmp_path: Path, text: str, line: int, message: str) -> None:
+    path = tmp_path / "bad.lp"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        check_grammars([path])
+    assert any(d.line == line and message in d.message and str(d.path) == str(path) for d in caught.value.diagnostics), (
+        caught.value
+    )
+
+
+def test_missing_grammar_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="file not found"):
+        check_grammars([tmp_path / "none.lp"])
+
+
+# ---- Limits, errors, text
+
+
+def test_time_limit() -> None:
+    with pytest.raises(LimitReached, match="time limit"):
+        generate_pool(synthetic.load((4, 5)).text(), max_cost=9, time_limit=1)
+
+
+def test_memory_limit() -> None:
+    with PrologProcess(memory_mb=600) as prolog, pytest.raises(LimitReached, match="memory"):
+        prolog.text("numlist(1, 100000000, L), length(L, N), write(N)")
+
+
+def test_unknown_facts_are_refused() -> None:
+    with pytest.raises(SolverError, match="training_fact"):
+        generate_pool("sort(object). colour(b).", max_cost=1)
+
+
+def test_a_broken_promise_of_at_most_one_is_refused() -> None:
+    text = TINY.text() + "at_most_one(movable).\n"
+    with pytest.raises(SolverError, match="at_most_one"):
+        generate_pool(text, max_cost=1)
+
+
+def test_missing_prolog_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pyswip", None)
+    with pytest.raises(InputError, match="swi-prolog-nox"):
+        Prolog()
+
+
+def test_load_reports_file_and_line(tmp_path: Path) -> None:
+    path = tmp_path / "bad.pl"
+    path.write_text("good(1).\nbad(.\ngood(X).\n")
+    with PrologProcess() as prolog:
+        found = prolog.load(path)
+    assert [(d.line, "yntax" in d.message) for d in found if d.line == 2] == [(2, True)]
+    assert all(str(d.path) == str(path) for d in found)
+
+
+def test_goals_in_this_process() -> None:
+    prolog = Prolog()
+    assert prolog.rows("member(X-Y, [a-1, 'it''s'-2])", "X", "Y") == [("a", "1"), ("it's", "2")]
+    assert prolog.holds("true") and not prolog.holds("fail")
+    assert prolog.text(f"write({quote(chr(39) + 'a' + chr(92))})") == "'a\\"
+    with pytest.raises(SolverError, match="no_such_goal"):
+        prolog.holds("no_such_goal")
+
+
+DISPLAY = {"on": "On", "movable": "Movable"}
+
+
+@pytest.mark.parametrize(
+    ("formula", "text"),
+    [
+        ("formula(1,v0,object,some(v1,object,conj(on(v0,v1),movable(v1))))", "∃y On(x,y) ∧ Movable(y)"),
+        ("conj(some(v1,object,on(v0,v1)),movable(v0))", "(∃y On(x,y)) ∧ Movable(x)"),
+        ("conj(neg(some(v1,object,on(v1,v0))),movable(v0))", "(¬∃y On(y,x)) ∧ Movable(x)"),
+        ("neg(conj(movable(v0),handempty))", "¬(Movable(x) ∧ handempty)"),
+        ("every(v1,object,implies(on(v1,v0),neg(movable(v1))))", "∀y On(y,x) ⇒ ¬Movable(y)"),
+        ("implies(implies(a,b),conj(disj(a,b),c))", "(a ⇒ b) ⇒ (a ∨ b) ∧ c"),
+        ("some(v1,object,some(v2,pose,on(v1,v2)))", "∃y,z On(y,z)"),
+        ("closure(v1,v2,object,on(v1,v2),v3,v0)", "{y,z | On(y,z)}⁺(w,x)"),
+    ],
+)
+def test_describe(formula: str, text: str) -> None:
+    assert describe(formula, DISPLAY) == text
+
+
+@pytest.mark.parametrize("path", sorted(LOGIC.glob("*.plt")), ids=lambda path: path.stem)
+def test_prolog_units(path: Path) -> None:
+    command = ["swipl", "--on-error=status", "--on-warning=status", "-g", "run_tests", "-t", "halt", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
