@@ -85,29 +85,37 @@ class Program:
         """Search until done, `on_answer` returns False, the limit (seconds) ends, or Ctrl-C; keep what was found."""
         outcome = Outcome()
         literals = {self._literal(atom): atom for atom in assume}
+        errors: list[BaseException] = []
 
         def model(found: clingo.Model) -> bool | None:
-            answer = _answer(found)
-            outcome.answers.append(answer)
-            return None if on_answer is None else on_answer(answer)
+            try:
+                outcome.answers.append(_answer(found))
+                return None if on_answer is None else on_answer(outcome.answers[-1])
+            except BaseException as error:
+                errors.append(error)
+                return False
 
         def unsatisfiable(bound: Sequence[int]) -> None:
             outcome.bound = tuple(bound)
-            if on_bound is not None:
-                on_bound(outcome.bound)
+            try:
+                if on_bound is not None:
+                    on_bound(outcome.bound)
+            except BaseException as error:
+                errors.append(error)
 
         deadline = None if limit is None else time.monotonic() + limit
         try:
-            with self._control.solve(
-                list(literals), on_model=model, on_unsat=unsatisfiable, async_=True
-            ) as handle:
+            with self._control.solve(list(literals), on_model=model, on_unsat=unsatisfiable, async_=True) as handle:
                 self._wait(handle, deadline, outcome)
                 result = handle.get()
                 if result.unsatisfiable and literals:
                     outcome.core = tuple(literals[literal] for literal in handle.core() if literal in literals)
         except RuntimeError as error:
-            self._raise(error)
-        self._raise(None)
+            raise SolverError("\n".join([str(error), *self.messages])) from error
+        if self._lazy is not None and self._lazy.error is not None:
+            errors.append(self._lazy.error)
+        if errors:
+            raise errors[0]
         outcome.complete = bool(result.exhausted or result.unsatisfiable)
         return outcome
 
@@ -140,13 +148,6 @@ class Program:
 
     def _log(self, code: clingo.MessageCode, message: str) -> None:
         self.messages.append(message.strip())
-
-    def _raise(self, error: RuntimeError | None) -> None:
-        """Re-raise what went wrong inside the propagator: clingo itself reports only a RuntimeError."""
-        if self._lazy is not None and self._lazy.error is not None:
-            raise self._lazy.error
-        if error is not None:
-            raise SolverError("\n".join([str(error), *self.messages])) from error
 
 
 def _answer(model: clingo.Model) -> Answer:
@@ -182,11 +183,14 @@ class _Lazy(clingo.Propagator):
                 self._literals[name, atom.symbol.arguments[0].number] = init.solver_literal(atom.literal)
 
     def check(self, control: clingo.PropagateControl) -> None:
+        """Never raise: clingo would end the process. Keep the error and leave the search with an empty clause."""
         try:
-            self._check(control)
+            if self.error is None:
+                self._check(control)
         except BaseException as error:
             self.error = error
-            raise
+        if self.error is not None:
+            control.add_clause([], lock=True)
 
     def _check(self, control: clingo.PropagateControl) -> None:
         if not self._add_waiting(control) or not control.assignment.is_total:

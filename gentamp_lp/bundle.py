@@ -34,9 +34,7 @@ _EFFECTS = {"boolean": ("true", "false"), "numeric": ("increase", "decrease")}
 _TOKEN = re.compile(r"%[^\n]*|\s+|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.|'')*'|\w+|.", re.DOTALL)
 
 
-def save(
-    policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]
-) -> None:
+def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
     """Write the files beside the folder, then put them in its place."""
     if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
         raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", path=folder))
@@ -223,9 +221,7 @@ class _Reader:
         return rows[0].known(0, sorted(allowed)) if allowed else rows[0].arguments[0]
 
 
-def read_facts(
-    text: str, error: Callable[[int, str], InputError]
-) -> Iterable[tuple[str, int, tuple[str, ...]]]:
+def read_facts(text: str, error: Callable[[int, str], InputError]) -> Iterable[tuple[str, int, tuple[str, ...]]]:
     """Yield (predicate, line, arguments) for each fact; strings lose their quotes, other terms stay as text."""
     line, depth, begun, name, current = 1, 0, 1, "", ""
     arguments: list[str] = []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape
 
@@ -217,7 +218,7 @@ def _svg(policy: Policy, views: dict[Vertex, _Box], paths: list[list[Point]]) ->
 
 def _curve(path: list[Point]) -> str:
     out = [f"M{path[0][0]:.1f},{path[0][1]:.1f}"]
-    for (x, y), (u, v) in zip(path, path[1:], strict=False):
+    for (x, y), (u, v) in pairwise(path):
         out.append(f"C{x:.1f},{(y + v) / 2:.1f} {u:.1f},{(y + v) / 2:.1f} {u:.1f},{v:.1f}")
     return " ".join(out)
 

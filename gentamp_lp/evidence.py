@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.masks import bits
 
 _FACT = re.compile(r"([a-z]\w*)\(([^()\"]*|[^()\"]*\"(?:[^\"\\]|\\.)*\"\s*)\)\s*\.")
 _PAIR = {name: re.compile(rf"\b{name}\(\s*(\d+)\s*,\s*(\d+)\s*\)\s*\.") for name in ("pos", "inc", "dec", "state")}
@@ -69,18 +70,6 @@ class Evidence:
         return [self.features[i].id for i in bits(mask)]
 
 
-def bits(mask: int) -> Iterator[int]:
-    """Yield the positions of the ones in a mask, lowest first.
-
-    >>> list(bits(0b10110))
-    [1, 2, 4]
-    """
-    while mask:
-        low = mask & -mask
-        yield low.bit_length() - 1
-        mask ^= low
-
-
 def parse_evidence(facts: str) -> Evidence:
     """Read the facts (predicates in `asp/reference/defined.lp`); an InputError names the line at fault."""
     rows = _rows(facts)
@@ -99,9 +88,7 @@ def parse_evidence(facts: str) -> Evidence:
         states={s: positive[s] for s in sorted(states)},
         initial=_marked(rows["initial"], states, "initial", "state"),
         goals=_marked(rows["goal"], states, "goal", "state"),
-        transitions={
-            t: Transition(t, *ends, inc=inc[t], dec=dec[t]) for t, ends in sorted(transitions.items())
-        },
+        transitions={t: Transition(t, *ends, inc=inc[t], dec=dec[t]) for t, ends in sorted(transitions.items())},
         candidates=_candidates(_marked(rows["candidate"], transitions, "candidate", "transition"), transitions),
         schemas={int(t): name.strip().strip('"') for t, name in rows["action"]},
     )
@@ -160,9 +147,7 @@ def _marked(rows: Iterable[tuple[str, ...]], known: Iterable[int], name: str, ki
     return marked
 
 
-def _candidates(
-    candidates: frozenset[int], transitions: dict[int, tuple[int, int]]
-) -> dict[int, tuple[int, ...]]:
+def _candidates(candidates: frozenset[int], transitions: dict[int, tuple[int, int]]) -> dict[int, tuple[int, ...]]:
     by_source: dict[int, list[int]] = defaultdict(list)
     for number in sorted(candidates):
         by_source[transitions[number][0]].append(number)

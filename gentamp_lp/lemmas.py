@@ -26,8 +26,9 @@ from dataclasses import dataclass, field
 from functools import reduce
 from operator import or_
 
-from gentamp_lp.evidence import Evidence, bits
-from gentamp_lp.sieve import Edge, components, sieve
+from gentamp_lp.evidence import Evidence
+from gentamp_lp.masks import bits, hitting, minimal
+from gentamp_lp.sieve import Edge, components, short_loops, sieve
 
 FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
 _AT_A_TIME = 60
@@ -229,69 +230,12 @@ class _Graph:
         if not trapped:
             return []
         inside = [(state, move) for state, move in self.answered if state.values & self.selection in trapped]
-        seen = {*(x.values for x in self.theory.expanded), *self.theory.goals, *self.theory.frontier}
-        outside = [values for values in seen if values & self.selection not in trapped]
-        needed = hitting(
-            {self.theory.broken(*step, values) & self.selection for step in inside for values in outside}
-        )
-        states = frozenset(state.id for state, _ in inside)
+        everything = {*(x.values for x in self.theory.expanded), *self.theory.goals, *self.theory.frontier}
+        outside = sorted(values for values in everything if values & self.selection not in trapped)
+        needed = hitting({self.theory.broken(*step, values) & self.selection for step in inside for values in outside})
+        trapping = frozenset(state.id for state, _ in inside)
         moves = tuple(sorted({move.id for _, move in inside}))
-        return [Lemma("trap", states, unselected=needed, unchosen=moves)]
-
-
-def short_loops(edges: list[Edge[int]]) -> list[list[Edge[int]]]:
-    """Return a shortest loop through each edge of a component, shortest first."""
-    out: dict[int, list[Edge[int]]] = {}
-    for edge in edges:
-        out.setdefault(edge.source, []).append(edge)
-    loops: dict[frozenset[tuple[int, int]], list[Edge[int]]] = {}
-    for first in edges:
-        came: dict[int, Edge[int] | None] = {first.target: None}
-        queue = [first.target]
-        for node in queue:
-            for edge in out.get(node, ()):
-                if edge.target not in came:
-                    came[edge.target] = edge
-                    queue.append(edge.target)
-        loop, step = [first], came.get(first.source)
-        while step is not None:
-            loop.append(step)
-            step = came[step.source]
-        loops.setdefault(frozenset((edge.source, edge.target) for edge in loop), loop)
-    return sorted(loops.values(), key=len)
-
-
-def minimal(sets: Iterable[int], limit: int | None = None) -> list[int]:
-    """Return the inclusion-minimal masks, smallest first; only so many if a limit is given.
-
-    >>> minimal([0b111, 0b011, 0b100])
-    [4, 3]
-    """
-    kept: list[int] = []
-    for candidate in sorted(set(sets), key=lambda mask: (mask.bit_count(), mask)):
-        if len(kept) == limit:
-            break
-        if not any(mask & candidate == mask for mask in kept):
-            kept.append(candidate)
-    return kept
-
-
-def hitting(sets: Iterable[int]) -> int:
-    """Return a small mask that meets every given mask, inclusion-minimal among those that do."""
-    left = minimal(sets)
-    everything, chosen = left, 0
-    while left:
-        counts: dict[int, int] = {}
-        for mask in left:
-            for bit in bits(mask):
-                counts[bit] = counts.get(bit, 0) + 1
-        best = min(counts, key=lambda bit: (-counts[bit], bit))
-        chosen |= 1 << best
-        left = [mask for mask in left if not mask >> best & 1]
-    for bit in bits(chosen):
-        if all(mask & chosen & ~(1 << bit) for mask in everything):
-            chosen &= ~(1 << bit)
-    return chosen
+        return [Lemma("trap", trapping, unselected=needed, unchosen=moves)]
 
 
 def compress(evidence: Evidence, fairness: str) -> Theory:

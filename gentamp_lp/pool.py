@@ -28,9 +28,7 @@ class Pool:
     statistics: dict[str, float | int]
 
 
-def generate_pool(
-    facts: str, *, max_cost: int, grammars: Sequence[Path] = (), time_limit: float | None = None
-) -> Pool:
+def generate_pool(facts: str, *, max_cost: int, grammars: Sequence[Path] = (), time_limit: float | None = None) -> Pool:
     """Generate all features up to `max_cost`; `grammars` are added to the shipped grammar."""
     *_, pool = deepen(facts, costs=range(max_cost, max_cost + 1), grammars=grammars, time_limit=time_limit)
     return pool

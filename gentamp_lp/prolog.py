@@ -11,10 +11,11 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
 from gentamp_lp.resources import resource
@@ -68,7 +69,7 @@ class Prolog:
     def rows(self, goal: str, *variables: str) -> list[tuple[str, ...]]:
         """Return the values of the variables in every solution, as written by Prolog."""
         line = "\\t".join(["~w"] * len(variables))
-        output = self.text(f"forall(({goal}), format(\"{line}~n\", [{', '.join(variables)}]))")
+        output = self.text(f'forall(({goal}), format("{line}~n", [{", ".join(variables)}]))')
         return [tuple(row.split("\t")) for row in output.splitlines()]
 
     def _answer(self, goal: str) -> tuple[bool, str]:
@@ -101,11 +102,12 @@ class PrologProcess:
     """The same in a child process: use it in a `with` block, which ends the child in any case."""
 
     def __init__(self, memory_mb: int = 4096) -> None:
+        self._complaints = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115 (closed with the child)
         self._child = subprocess.Popen(
             [sys.executable, "-m", __name__, str(memory_mb)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._complaints,
             text=True,
         )
         self._timed_out = False
@@ -116,6 +118,7 @@ class PrologProcess:
     def __exit__(self, *_: object) -> None:
         self._child.kill()
         self._child.communicate()
+        self._complaints.close()
 
     def load(self, path: Path, time_limit: float | None = None) -> list[Diagnostic]:
         """See `Prolog.load`."""
@@ -141,22 +144,26 @@ class PrologProcess:
             if timer:
                 timer.cancel()
         if not reply:
-            self._explain_death(time_limit)
+            self._explain_death()
         kind, value = json.loads(reply)
-        if kind == "ok":
-            return str(value)
-        raise {"input": InputError, "limit": LimitReached}.get(kind, SolverError)(
-            *([Diagnostic(value, hint=_HINT)] if kind == "input" else [value])
-        )
+        if kind == "input":
+            raise InputError(Diagnostic(value, hint=_HINT))
+        if kind == "limit":
+            raise LimitReached(value)
+        if kind == "error":
+            raise SolverError(value)
+        return str(value)
 
     def _expire(self) -> None:
         self._timed_out = True
         self._child.kill()
 
-    def _explain_death(self, time_limit: float | None) -> None:
+    def _explain_death(self) -> NoReturn:
         if self._timed_out:
-            raise LimitReached(f"time limit of {time_limit:g} s reached in Prolog")
-        _, complaints = self._child.communicate()
+            raise LimitReached("time limit reached in Prolog")
+        self._child.communicate()
+        self._complaints.seek(0)
+        complaints = self._complaints.read()
         last = complaints.strip().splitlines()[-1:] or ["no message"]
         if "memory" in complaints or "resource" in complaints or "alloc" in complaints:
             raise LimitReached(f"Prolog ran out of memory ({last[0]})")

@@ -83,3 +83,25 @@ def components(edges: list[Edge[Node]]) -> list[list[Edge[Node]]]:
         if number[edge.source] == number[edge.target]:
             inside.setdefault(number[edge.source], []).append(edge)
     return list(inside.values())
+
+
+def short_loops(edges: list[Edge[Node]]) -> list[list[Edge[Node]]]:
+    """Return a shortest loop through each edge of a component, shortest first."""
+    out: dict[Node, list[Edge[Node]]] = {}
+    for edge in edges:
+        out.setdefault(edge.source, []).append(edge)
+    loops: dict[frozenset[tuple[Node, Node]], list[Edge[Node]]] = {}
+    for first in edges:
+        came: dict[Node, Edge[Node] | None] = {first.target: None}
+        queue = [first.target]
+        for node in queue:
+            for edge in out.get(node, ()):
+                if edge.target not in came:
+                    came[edge.target] = edge
+                    queue.append(edge.target)
+        loop, step = [first], came.get(first.source)
+        while step is not None:
+            loop.append(step)
+            step = came[step.source]
+        loops.setdefault(frozenset((edge.source, edge.target) for edge in loop), loop)
+    return sorted(loops.values(), key=len)

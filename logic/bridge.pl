@@ -1,6 +1,7 @@
 :- module(bridge,
           [ load_report/2,          % +File, -Lines
-            answer/3                % +GoalText, -Status, -Output
+            answer/3,               % +GoalText, -Status, -Output
+            message_string/2        % +Error, -Text
           ]).
 
 /** <module> What the Python side needs: loading with all complaints collected, and goals as text
@@ -23,10 +24,7 @@ collect(Term, Lines) :-
     ->  Column = -1
     ;   File = '', Line = 0, Column = -1
     ),
-    with_output_to(string(Text0), print_message_lines(current_output, '', Lines)),
-    split_string(Text0, "\n", " \t", Parts0),
-    exclude(==(""), Parts0, Parts),
-    atomic_list_concat(Parts, ' ', Text),
+    one_line(Lines, Text),
     assertz(complaint(File, Line, Column, Text)).
 
 %!  load_report(+File:atom, -Lines:string) is det.
@@ -59,13 +57,26 @@ answer(GoalText, Status, Output) :-
           Error,
           failure(Error, Status, Output)).
 
-failure(Error, Status, Output) :-
-    ( Error = error(resource_error(_), _) -> Status = limit ; Status = error ),
-    message_to_lines(Error, Lines),
-    with_output_to(string(Output), print_message_lines(current_output, '', Lines)).
-
-message_to_lines(error(Formal, _), Lines) :-
+failure(error(resource_error(What), _), limit, Output) :-
     !,
-    phrase(prolog:translate_message(error(Formal, _)), Lines).
-message_to_lines(Error, Lines) :-
-    phrase(prolog:translate_message(Error), Lines).
+    format(string(Output), "not enough ~w", [What]).
+failure(Error, error, Output) :-
+    message_string(Error, Output).
+
+%!  message_string(+Error, -Text:string) is det.
+%
+%   Text says on one line what Prolog would print about Error.
+
+message_string(Error, Text) :-
+    catch(phrase(prolog:translate_message(Error), Lines), _, fail),
+    !,
+    one_line(Lines, Text).
+message_string(Error, Text) :-
+    format(string(Text), "~p", [Error]).
+
+one_line(Lines, Text) :-
+    with_output_to(string(Text0), print_message_lines(current_output, '', Lines)),
+    split_string(Text0, "\n", " \t", Parts0),
+    exclude(==(""), Parts0, Parts),
+    atomic_list_concat(Parts, ' ', Atom),
+    atom_string(Atom, Text).

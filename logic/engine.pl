@@ -21,7 +21,6 @@
             primitive/1             % ?Head
           ]).
 :- use_module(library(apply), [foldl/4]).
-:- use_module(library(lists), [numlist/3]).
 :- use_module(facts).
 :- set_prolog_flag(optimise, true).
 
@@ -52,7 +51,7 @@ engine_setup :-
     retractall(shape_(_, _, _)),
     retractall(mask_key(_, _)),
     retractall(spread_key(_, _, _, _)),
-    b_setval(lifted, none),
+    nb_setval(lifted, none),
     state_count(S),
     Ones is (1<<S) - 1,
     add_class(prop, 1, S, Ones),
@@ -109,6 +108,7 @@ shape(triple(Z,Y,X), Outer, Width) :-
 
 mask(Class, Mask) :-
     mask_key(Class, Key),
+    !,
     nb_getval(Key, Mask0),
     (   Mask0 == pending
     ->  make_mask(Class, Mask),
@@ -244,6 +244,7 @@ warm(_, _).
 
 relation(role(Y,X), Y, role(Y,X)).
 relation(own(role(Y,X)), Y, role(Y,X)).
+relation(test(role(Y,X)), Y, role(Y,X)).
 relation(triple(Z,Y,X), Z, triple(Z,Y,X)).
 
 lifted(Class, C, L) :-

@@ -35,6 +35,30 @@ The file is read term by term, never consulted: it cannot run anything.
     state/2,                    % State, Problem
     state_count/1, entity_count/2, entity_count/3, problem_states/2, slot/4.
 
+%!  sort(?Sort) is nondet.
+%!  predicate(?Name, ?Sorts:list) is nondet.
+%!  display(?Name, ?Text) is nondet.
+%!  owner(?Predicate, ?Sort, ?Position) is nondet.
+%!  at_most_one(?Predicate) is nondet.
+%!  transition(?Transition, ?From, ?To) is nondet.
+%
+%   The facts as read. An entity of Sort at Position of Predicate is a stream's output, which determines the
+%   other arguments; transitions lead from state to state.
+
+%!  state_count(-Count) is det.
+%!  entity_count(?Sort, -Count) is nondet.
+%!  entity_count(?Problem, ?Sort, -Count) is nondet.
+%
+%   How many states there are, and how many entities of Sort in the problem with most, or in Problem.
+
+%!  problem_states(?Problem, ?States) is nondet.
+%
+%   States is the bit set of the states of Problem.
+
+%!  slot(+Entity, +Problem, ?Sort, -Index) is semidet.
+%
+%   Entity is number Index (from 0) among the entities of Sort in Problem.
+
 %!  read_facts(+File) is det.
 %
 %   Replace the data by the facts in File.

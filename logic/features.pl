@@ -5,8 +5,7 @@
             transition_bit/2,       % ?Bit, -Transition
             feature_count/2         % ?What, -Number
           ]).
-:- use_module(library(apply), [foldl/4, foldl/5]).
-:- use_module(library(pairs), [pairs_keys_values/3]).
+:- use_module(library(apply), [foldl/4]).
 :- use_module(facts).
 :- use_module(engine).
 :- use_module(generate).
@@ -28,6 +27,15 @@ are dropped.
     representative/7,
     transition_bit/2,
     gather/4.       % Sources, Targets, Shift, Mask
+
+%!  representative(?Id, ?Cost, ?Kind, ?Item, -Pos, -Inc, -Dec) is nondet.
+%
+%   Feature Id counts (Kind is `numeric`) or is (`boolean`) what formula Item says. It is positive in the states
+%   Pos, and rises and falls on the transitions Inc and Dec (bit sets; see transition_bit/2).
+
+%!  transition_bit(?Bit, -Transition) is nondet.
+%
+%   Transition is at Bit of Inc and Dec. Transitions between the same two states share a bit.
 
 %!  start_features is det.
 %

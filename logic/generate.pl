@@ -26,6 +26,7 @@ left for the garbage collector:
 
     item(Bucket, Id, Last, Implications, Bits)
     bucket(Bucket, Class, Literals, Variables, Made)    what the items of a bucket have in common
+    meta(Id, Size, Rank, Bound, Rule, Operands)         what only the formulas kept need
 
 A set of operands of a commutative rule is built once, in ascending order of Id: Made is that rule's
 name (and - for all other items), Last the Id of the last operand.
@@ -35,6 +36,20 @@ name (and - for all other items), Last the Id of the last operand.
     item/5, bucket/5, meta/6,
     plan/7,                     % ResultKind, Operands, Result, Cost, Shared, Commutative, Rules
     trie_key/2.                 % Class, Key
+
+%!  bucket(?Bucket, ?Class, ?Literals, ?Variables, ?Made) is nondet.
+%
+%   The items of Bucket are formulas of Class with these numbers of literals (rule costs, to be precise) and
+%   variables.
+
+%!  item(?Bucket, ?Id, ?Last, ?Implications, ?Bits) is nondet.
+%
+%   Formula Id has the denotation Bits.
+
+%!  meta(?Id, ?Size, ?Rank, ?Bound, ?Rule, ?Operands) is nondet.
+%
+%   Formula Id is the result of Rule (or a view) for the items Operands. Size counts its rules, Rank adds up
+%   their places in the grammar; Bound is explained at view/6.
 
 %!  start_generating is det.
 %

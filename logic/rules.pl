@@ -7,9 +7,9 @@
             cap/2,                  % ?What, ?Limit
             op(200, xfx, @)         % Operand@Variables, in says/5
           ]).
-:- use_module(library(lists), [append/3, subtract/3]).
-:- use_module(library(apply), [maplist/2, maplist/3]).
+:- use_module(library(lists), [member/2, nth1/3]).
 :- use_module(engine).
+:- use_module(bridge, [message_string/2]).
 
 /** <module> Reading grammar files safely
 
@@ -27,6 +27,17 @@ Whatever is wrong is collected as diagnostic(File, Line, Column, Message).
     clause_at/4,                % Kind, Name, File, Line
     commutative/1, implication/1, off/1,
     found/1.
+
+%!  grammar_rule(?Index, ?Name, ?Operands, ?Result, ?Cost, ?Commutative, ?Implications) is nondet.
+%
+%   A rule that is switched on: its place in the grammar, its classes, and the notes on it.
+
+%!  sem(+Name, +OperandClasses, +ResultClass, +Operands, -Denotation) is semidet.
+%!  says(+Name, +OperandClasses, +Operands, +Variables, -Formula) is semidet.
+%!  bound(?Name, ?OperandBounds, ?Bound) is nondet.
+%!  cap(?What, ?Limit) is nondet.
+%
+%   The clauses of the grammar, as grammar.lp describes them.
 
 %!  load_grammars(+Files:list, -Diagnostics:list) is det.
 %
@@ -48,7 +59,7 @@ report(File, Line, Column, Format, Arguments) :-
     assertz(found(diagnostic(File, Line, Column, Message))).
 
 read_grammar(File) :-
-    retractall(cap_of_file(_)),
+    retractall(cap_of_file(_)),         % a file's own caps add up, and replace those of the files before
     catch(setup_call_cleanup(open(File, read, In, [encoding(utf8)]),
                              read_clauses(In, File),
                              close(In)),
@@ -90,22 +101,15 @@ syntax_problem(error(syntax_error(What), Where), File) :-
     ;   Line = 0, Column = 0
     ),
     message_text(syntax_error(What), Text),
-    report(File, Line, Column, "syntax error: ~w", [Text]).
+    report(File, Line, Column, "~w", [Text]).
 syntax_problem(error(Formal, _), File) :-
     message_text(Formal, Text),
     report(File, 0, 0, "~w", [Text]).
 
-message_text(syntax_error(What), Text) :-
-    !,
-    phrase(prolog:translate_message(error(syntax_error(What), _)), Lines),
-    message_lines(Lines, Text).
 message_text(existence_error(source_sink, _), "file not found") :- !.
 message_text(permission_error(_, _, _), "file cannot be read") :- !.
 message_text(Formal, Text) :-
-    format(string(Text), "~p", [Formal]).
-
-message_lines(Lines, Text) :-
-    with_output_to(string(Text), print_message_lines(current_output, '', Lines)).
+    message_string(error(Formal, _), Text).
 
 functor_text((:- _), ":- directive") :- !.
 functor_text((Head :- _), Text) :- !, functor_text(Head, Text).
@@ -157,15 +161,14 @@ accept(bound(Name, Bounds, Bound), File, Line, _) :-
     atom(Name), is_list(Bounds),
     assertz(bound(Name, Bounds, Bound)),
     assertz(clause_at(bound, Name, File, Line)).
-accept(cap(What, Limit), File, _, _) :-
+accept(cap(What, Limit), _, _, _) :-
     atom(What), integer(Limit),
     (   cap_of_file(What)
     ->  true
     ;   retractall(cap(What, _)),
         assertz(cap_of_file(What))
     ),
-    assertz(cap(What, Limit)),
-    File = _.
+    assertz(cap(What, Limit)).
 accept(commutative(Name), File, Line, _) :-
     atom(Name),
     assertz(commutative(Name)),

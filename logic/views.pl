@@ -26,9 +26,10 @@ that finds p from o. What kind of formula a view is depends on its data:
     support"): then "every" would only add "or none";
   - `link` for the converse of an own view of a sampled entity ("one of its poses"). Links are never
     negated: "x is not a pose of o" holds of nearly all pairs;
-  - `test` for another static relation, `pred` for all else.
+  - `test` for another static relation of two sampled entities, such as a collision test;
+  - `pred` for all else.
 
-A relation that is merely the product of its two projections, like a Stackable(o,s) that holds of all
+A static relation that is merely the product of its two projections, like a Stackable(o,s) that holds of all
 movable o and all supports s, is replaced by the projections.
 */
 
@@ -60,16 +61,13 @@ kind(_, _, role(Y,X), Bits, own) :-
     integer(Bits),
     single(role(Y,X), Bits),
     !.
-kind(key, Name, Class, _, test) :-
-    arity(Class, N),
-    N >= 2,
+kind(key, Name, role(Y,X), _, test) :-
     \+ fluent(Name),
+    once(owner(_, Y, _)),
+    once(owner(_, X, _)),
     !.
 kind(key, _, _, _, pred).
 kind(link, _, _, _, link).
-
-arity(Class, N) :-
-    functor(Class, _, N).
 
 class([], prop).
 class([X], con(X)).
@@ -86,8 +84,8 @@ bound(_, _, _, many).
 
 view_positions(key, Name, Sorts, Keys, _, Positions) :-
     length(Keys, N),
-    (   N =:= 2,
-        Keys = [I,K],
+    (   Keys = [I,K],
+        \+ fluent(Name),
         product(Name, Sorts, I, K)
     ->  member(Positions, [[I], [K]])
     ;   key_positions(N, Keys, Positions)

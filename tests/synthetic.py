@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 SORTS = ("object", "pose", "grasp", "traj")
-O, P, G, T = SORTS
+OBJECT, POSE, GRASP, TRAJ = SORTS
 PREDICATES: dict[str, tuple[str, ...]] = {
-    **{name: (O,) for name in ("movable", "table", "tray", "region", "red", "green", "blue", "holding")},
-    "stackable": (O, O), "fixed": (O, P), "grasp": (O, G), "pose": (O, P, O), "reach": (O, P, P, G, T),
-    "cfree": (O, P, O, P), "reachcfree": (T, O, P), "handempty": (), "atpose": (O, P), "atgrasp": (O, G),
-    "on": (O, O), "unsafe": (O, P), "blocked": (T,), "standsat": (O, P),
-}  # fmt: skip
-OWNERS = (("pose", P, 2), ("grasp", G, 2), ("reach", T, 5))
+    **dict.fromkeys(("movable", "table", "tray", "region", "red", "green", "blue", "holding"), (OBJECT,)),
+    **{"stackable": (OBJECT, OBJECT), "on": (OBJECT, OBJECT), "fixed": (OBJECT, POSE), "standsat": (OBJECT, POSE)},
+    **{"grasp": (OBJECT, GRASP), "pose": (OBJECT, POSE, OBJECT), "reach": (OBJECT, POSE, POSE, GRASP, TRAJ)},
+    **{"cfree": (OBJECT, POSE, OBJECT, POSE), "reachcfree": (TRAJ, OBJECT, POSE), "blocked": (TRAJ,)},
+    **{"handempty": (), "atpose": (OBJECT, POSE), "atgrasp": (OBJECT, GRASP), "unsafe": (OBJECT, POSE)},
+}
+OWNERS = (("pose", POSE, 2), ("grasp", GRASP, 2), ("reach", TRAJ, 5))
 AT_MOST_ONE = ("holding", "atgrasp", "handempty")
 
 Atom = tuple[str, ...]
@@ -53,12 +55,14 @@ def write(atom: Atom) -> str:
 class World:
     """One problem: blocks on a table (and on each other or on a tray), sampled poses, grasps, trajectories."""
 
-    def __init__(self, rng: random.Random, blocks: int, poses: int, tray: bool, per_grasp: int = 1, colours: bool = False) -> None:
+    def __init__(
+        self, rng: random.Random, blocks: int, poses: int, tray: bool, per_grasp: int = 1, colours: bool = False
+    ) -> None:
         self.rng = rng
         self.blocks = [f"b{i}" for i in range(blocks)]
         self.supports = ["table"] + (["tray"] if tray else [])
         self.entities: dict[str, list[str]] = {s: [] for s in SORTS}
-        self.entities[O] = [*self.supports, *self.blocks]
+        self.entities[OBJECT] = [*self.supports, *self.blocks]
         self.static: set[Atom] = {("table", "table"), ("region", "table")} | {("movable", b) for b in self.blocks}
         if colours:
             self.static |= {(("red", "green", "blue")[i % 3], b) for i, b in enumerate(self.blocks)}
@@ -66,7 +70,7 @@ class World:
         self.owner: dict[str, tuple[str, str]] = {}
         self.grasps: dict[str, str] = {}
         self.bad: set[frozenset[str]] = set()
-        world = self._new(P, "w")
+        world = self._new(POSE, "w")
         self.static |= {("fixed", "table", world)}
         self.at: dict[str, Placement] = {}
         if tray:
@@ -75,7 +79,7 @@ class World:
         self.world = world
         for b in self.blocks + (["tray"] if tray else []):
             for _ in range(rng.choice((1, 2))):
-                g = self._new(G, "g")
+                g = self._new(GRASP, "g")
                 self.grasps[g] = b
                 self.static.add(("grasp", b, g))
         self.extra_poses = poses
@@ -87,7 +91,7 @@ class World:
         return name
 
     def pose(self, obj: str, support: str) -> str:
-        p = self._new(P, "p")
+        p = self._new(POSE, "p")
         self.owner[p] = (obj, support)
         self.static.add(("pose", obj, p, support))
         return p
@@ -110,7 +114,7 @@ class World:
             o, s = self.owner[p]
             for g in [g for g, b in self.grasps.items() if b == o]:
                 for _ in range(self.per_grasp):
-                    t = self._new(T, "t")
+                    t = self._new(TRAJ, "t")
                     stands = self.at["tray"][0] if s == "tray" and self.at.get("tray") else self.world
                     self.static.add(("reach", o, p, stands, g, t))
                     others = [q for q in ps if self.owner[q][0] != o]
@@ -144,9 +148,7 @@ class World:
         if held is None:
             covered = {place[1] for place in at.values() if place is not None}
             return [
-                (at | {o: None}, g)
-                for g, o in self.grasps.items()
-                if o in at and (o not in covered or o == "tray")
+                (at | {o: None}, g) for g, o in self.grasps.items() if o in at and (o not in covered or o == "tray")
             ]
         standing = {place[0] for place in at.values() if place is not None}
         supports = {*self.supports, *(o for o in self.blocks if at[o] is not None)}
@@ -178,12 +180,14 @@ def unstack(blocks: int = 8, poses: int = 24, seed: int = 0, around: bool = True
     return data
 
 
-def load(sizes: tuple[int, ...] = (3, 4, 5), poses: int = 20, seed: int = 0, around: bool = True) -> Data:
+def load(
+    sizes: tuple[int, ...] = (3, 4, 5), poses: int = 20, seed: int = 0, around: bool = True, colours: bool = False
+) -> Data:
     """Blocks moved from the table to a tray."""
     rng = random.Random(seed)
     data = Data()
     for blocks in sizes:
-        world = World(rng, blocks, poses, tray=True)
+        world = World(rng, blocks, poses, tray=True, colours=colours)
         for b in world.blocks:
             world.at[b] = (world.pose(b, "table"), "table")
         for b in world.blocks:
@@ -197,7 +201,7 @@ def load(sizes: tuple[int, ...] = (3, 4, 5), poses: int = 20, seed: int = 0, aro
     return data
 
 
-def record(data: Data, world: World, prefer, steps: int, around: bool) -> None:
+def record(data: Data, world: World, prefer: Callable[[dict[str, Placement]], float], steps: int, around: bool) -> None:
     """Follow the preferred move; with `around`, keep up to four other successors of each state too."""
     problem = len(data.entities)
     data.entities.append(world.entities)

@@ -21,7 +21,7 @@
     (Pose ?o ?p ?s)            ; ?p is a placement of ?o on ?s
     (Traj ?t)
     (Reach ?o ?p ?w ?g ?t)     ; ?t grasps ?o, placed at ?p on a support that stands at ?w, with ?g
-    (CFree ?o ?p ?o2 ?p2)      ; placed there, the two do not collide
+    (CFree ?o ?p ?o2 ?p2)      ; the two placements do not overlap (an object's own place is taken, too)
     (ReachCFree ?t ?o2 ?p2)    ; ?t does not touch ?o2 at ?p2
     ; what changes
     (HandEmpty) (AtPose ?o ?p) (AtGrasp ?o ?g)

@@ -80,11 +80,11 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
             yield (Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory),)
 
     def cfree(name: str, placement: Placement, other: str, there: Placement) -> bool:
-        """Whether two placements can be taken at once.
+        """Whether two placements do not overlap; a thing's own place is taken while it stands there.
 
         What stands on a tray stays inside the tray's envelope, so frames need not be mixed.
         """
-        if name == other or placement.frame != there.frame:
+        if placement.frame != there.frame:
             return True
         return not collide(world.shapes[name], placement.transform, world.shapes[other], there.transform)
 

@@ -72,7 +72,7 @@ class Sample:
         edges = []
         for look, effect in rule.items():
             options = []
-            for f, before, e in zip(phi, look, effect):
+            for f, before, e in zip(phi, look, effect, strict=True):
                 if e == 1:
                     options.append([True])
                 elif e == -1:
@@ -101,9 +101,7 @@ class Sample:
         if fairness == "strong":
             return True
         effects = [rule[a] for a, _ in loop]
-        return not any(
-            any(e[i] == -1 for e in effects) and not any(e[i] == 1 for e in effects) for i in numeric
-        )
+        return not any(any(e[i] == -1 for e in effects) and not any(e[i] == 1 for e in effects) for i in numeric)
 
     def optima(self, fairness):
         """All (cost, size, rules, features) that some choice makes right, best first, with the first choice."""
@@ -111,7 +109,7 @@ class Sample:
         sources = sorted(self.candidates)
         for phi in subsets(self.features):
             for moves in product(*(self.candidates[s] for s in sources)):
-                if self.accepts(phi, dict(zip(sources, moves)), fairness):
+                if self.accepts(phi, dict(zip(sources, moves, strict=True)), fairness):
                     rules = len({self.look(sorted(phi), s) for s in sources})
                     found.append((sum(self.cost[f] for f in phi), len(phi), rules, tuple(sorted(phi)), moves))
         return sorted(found)

@@ -1,0 +1,92 @@
+"""Why there is no policy: which states of the sample stand in the way."""
+
+from __future__ import annotations
+
+import time
+
+from gentamp_lp.asp import Atom, Program
+from gentamp_lp.encoding import relaxed_program
+from gentamp_lp.errors import NoAnswer
+from gentamp_lp.evidence import Evidence
+from gentamp_lp.lemmas import Theory
+
+
+class NoPolicy(NoAnswer):
+    """No abstraction of the pool has a policy; `states` or `pairs` (goal, other) are what stands in the way."""
+
+    def __init__(self, message: str, *, states: tuple[int, ...] = (), pairs: tuple[tuple[int, int], ...] = ()) -> None:
+        super().__init__(message)
+        self.states = states
+        self.pairs = pairs
+
+
+def require_separable_goals(evidence: Evidence) -> None:
+    """Raise NoPolicy if a goal state looks like another one to every feature of the pool."""
+    if not evidence.goals:
+        raise NoPolicy("the sample has no goal state")
+    looks: dict[int, list[int]] = {}
+    for goal in sorted(evidence.goals):
+        looks.setdefault(evidence.states[goal], []).append(goal)
+    pairs = tuple(
+        (looks[values][0], state)
+        for state, values in evidence.states.items()
+        if state not in evidence.goals and values in looks
+    )
+    if pairs:
+        shown = ", ".join(f"{goal} and {other}" for goal, other in pairs[:5])
+        raise NoPolicy(
+            f"no feature of the pool separates these goal states from states that are none: {shown}"
+            + (f" and {len(pairs) - 5} more pairs" if len(pairs) > 5 else "")
+            + "; try a higher complexity or another grammar rule",
+            pairs=pairs,
+            states=tuple(sorted({state for pair in pairs for state in pair})),
+        )
+
+
+def explain(theory: Theory, limit: float) -> NoPolicy:
+    """Return the error that names a smallest set of expanded states for which no policy exists together."""
+    program = relaxed_program(theory)
+    deadline = time.monotonic() + limit
+    everything: list[Atom] = [("relevant", state.id) for state in theory.expanded]
+    first = _core(program, everything, limit)
+    core = everything if first is None else first
+    minimal = first is not None
+    for atom in list(core):
+        if atom in core:
+            rest = [other for other in core if other != atom]
+            core = _core(program, rest, deadline - time.monotonic()) or core
+            minimal = minimal and time.monotonic() < deadline
+    return _conflict(theory, tuple(sorted(state for _, state in core)), minimal)
+
+
+def _core(program: Program, atoms: list[Atom], limit: float) -> list[Atom] | None:
+    """Return a core among the atoms; None if they can be demanded together, or nobody knows in time."""
+    if limit <= 0:
+        return None
+    outcome = program.solve(limit=limit, assume=atoms, on_answer=lambda answer: False)
+    if outcome.answers or outcome.interrupted:
+        return None
+    return [atom for atom in atoms if atom in outcome.core]
+
+
+def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolicy:
+    evidence = theory.evidence
+    lines = [
+        f"no abstraction of the pool has a {theory.fairness} policy for these expanded states together: "
+        f"{', '.join(map(str, states))}" + ("" if minimal else " (not proved to be a smallest such set)")
+    ]
+    shown = [state for state in theory.expanded if state.id in states]
+    for state in shown[:8]:
+        moves = sorted({evidence.schemas.get(t, f"transition {t}") for t in evidence.candidates[state.id]})
+        lines.append(f"  state {state.id}: {' or '.join(moves)}")
+        if all(not move.inc | move.dec for move in state.moves):
+            lines.append("    no feature of the pool changes along it")
+    for i, s in enumerate(shown):
+        for t in shown[:i]:
+            if s.values == t.values:
+                lines.append(f"  states {t.id} and {s.id} look alike to every feature, but no candidates agree")
+    lines.append(
+        "  demonstrations that treat like states differently are inconsistent: change them, or try a higher "
+        "complexity, another grammar rule" + ("" if theory.fairness == "strong-cyclic" else ", a weaker fairness")
+    )
+    return NoPolicy("\n".join(lines), states=states)

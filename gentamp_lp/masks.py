@@ -1,0 +1,50 @@
+"""Sets of small numbers as the bits of one integer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+
+def bits(mask: int) -> Iterator[int]:
+    """Yield the positions of the ones in a mask, lowest first.
+
+    >>> list(bits(0b10110))
+    [1, 2, 4]
+    """
+    while mask:
+        low = mask & -mask
+        yield low.bit_length() - 1
+        mask ^= low
+
+
+def minimal(sets: Iterable[int], limit: int | None = None) -> list[int]:
+    """Return the inclusion-minimal masks, smallest first; only so many if a limit is given.
+
+    >>> minimal([0b111, 0b011, 0b100])
+    [4, 3]
+    """
+    kept: list[int] = []
+    for candidate in sorted(set(sets), key=lambda mask: (mask.bit_count(), mask)):
+        if len(kept) == limit:
+            break
+        if not any(mask & candidate == mask for mask in kept):
+            kept.append(candidate)
+    return kept
+
+
+def hitting(sets: Iterable[int]) -> int:
+    """Return a small mask that meets every given mask, inclusion-minimal among those that do."""
+    left = minimal(sets)
+    everything, chosen = left, 0
+    while left:
+        counts: dict[int, int] = {}
+        for mask in left:
+            for bit in bits(mask):
+                counts[bit] = counts.get(bit, 0) + 1
+        best = min(counts, key=lambda bit: (-counts[bit], bit))
+        chosen |= 1 << best
+        left = [mask for mask in left if not mask >> best & 1]
+    for bit in bits(chosen):
+        if all(mask & chosen & ~(1 << bit) for mask in everything):
+            chosen &= ~(1 << bit)
+    return chosen

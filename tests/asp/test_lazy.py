@@ -1,0 +1,110 @@
+"""The lazy program against brute force and against the declarative reference, on random tiny samples."""
+
+import random
+from dataclasses import replace
+
+import pytest
+from brute import Sample
+
+from gentamp_lp.abstraction import NoPolicy, synthesize_policy
+from gentamp_lp.asp import Program
+from gentamp_lp.encoding import theory_facts
+from gentamp_lp.evidence import parse_evidence
+from gentamp_lp.lemmas import compress
+from gentamp_lp.resources import resource
+
+LEVELS = ("qnp", "strong-cyclic", "strong")
+
+
+def solved(sample, fairness, seed=0):
+    try:
+        answer = synthesize_policy(sample.facts(), fairness=fairness, seed=seed)
+    except NoPolicy:
+        return None
+    assert answer.optimal and answer.bound == answer.cost
+    return (answer.cost, len(answer.features), answer.features, answer.chosen)
+
+
+@pytest.mark.parametrize("block", range(6))
+def test_the_answer_is_the_first_optimum_of_brute_force(block):
+    found = 0
+    for seed in range(250 * block, 250 * (block + 1)):
+        sample = Sample(random.Random(seed))
+        fairness = LEVELS[seed % 3]
+        optima = sample.optima(fairness)
+        wanted = None
+        if optima:
+            cost, size, _, features, moves = optima[0]
+            wanted = (cost, size, features, tuple(sorted(moves)))
+            found += 1
+        assert solved(sample, fairness, seed=seed % 4) == wanted, f"sample {seed}, {fairness}"
+    assert found > 20
+
+
+@pytest.mark.parametrize("fairness", LEVELS)
+def test_the_declarative_reference_agrees(fairness):
+    found = 0
+    for seed in range(200):
+        sample = Sample(random.Random(10_000 + seed))
+        options = ["--opt-mode=opt", "-c", f"fairness={fairness.replace('-', '_')}"]
+        answers = Program([resource("asp", "reference.lp")], sample.facts(), options=options).solve().answers
+        optima = sample.optima(fairness)
+        assert bool(answers) == bool(optima), f"sample {seed}"
+        if answers:
+            found += 1
+            assert answers[-1].cost == optima[0][:2], f"sample {seed}"
+            assert answers[-1].atoms.get("selected") in [row[3] for row in optima if row[:2] == optima[0][:2]]
+    assert found > 20
+
+
+def test_covers_are_consequences():
+    """Leaving the covers out changes no answer: brute force, which knows none, has the same optima."""
+    rows = 0
+    for seed in range(300):
+        sample = Sample(random.Random(20_000 + seed))
+        theory = compress(parse_evidence(sample.facts()), "qnp")
+        pairs = {}
+        for line in theory_facts(theory).splitlines():
+            if line.startswith("tells("):
+                s, t, f = map(int, line[6:-2].split(","))
+                pairs.setdefault((s, t), set()).add(f)
+        for *_, features, _ in sample.optima("strong-cyclic"):
+            for pair, cover in pairs.items():
+                rows += 1
+                # the program may have merged equal features: compare by their values
+                same = {f for f in features if any(equal(sample, f, g) for g in cover)}
+                assert same, f"sample {seed}: {features} violates the cover of {pair}"
+    assert rows > 100
+
+
+def equal(sample, f, g):
+    rows = [t for t, _, _ in sample.trans]
+    return sample.kind[f] == sample.kind[g] and all(
+        [
+            all((sample.value[f, s] > 0) == (sample.value[g, s] > 0) for s in sample.states),
+            all(sample.change(f, t) == sample.change(g, t) for t in rows),
+        ]
+    )
+
+
+def test_a_merged_pool_answers_like_the_full_one():
+    """Twins of every feature, dearer or later, change nothing."""
+    for seed in range(60):
+        sample = Sample(random.Random(30_000 + seed))
+        before = solved(sample, "qnp")
+        twin = len(sample.features)
+        for f in list(sample.features):
+            g = f + twin
+            sample.features.append(g)
+            sample.cost[g], sample.kind[g] = sample.cost[f] + seed % 2, sample.kind[f]
+            sample.value |= {(g, s): sample.value[f, s] for s in sample.states}
+        assert solved(sample, "qnp") == before
+
+
+def test_fewer_features_than_the_pool_are_considered_after_merging():
+    facts = "state(1,1). state(2,1). goal(2). transition(1,1,2). candidate(1).\n" + "\n".join(
+        f"feature({f},{f},boolean). pos({f},1). dec({f},1)." for f in (1, 2, 3)
+    )
+    theory = compress(parse_evidence(facts), "qnp")
+    assert theory.features == 1
+    assert replace(theory, fairness="strong").refute(1, {1: 1}) == []
