@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from gentamp_lp.asp import Answer, Atom, Outcome, Program
-from gentamp_lp.conflict import NoPolicy, explain, require_separable_goals
+from gentamp_lp.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.encoding import LazyPolicy, relaxed_program, theory_facts
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.evidence import Evidence, parse_evidence
@@ -22,7 +22,7 @@ from gentamp_lp.resources import resource
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
 
 _TIES = 200  # optimal selections that are compared to break ties
-_EXPLAIN = 20.0  # seconds spent on making an explanation small
+_EXPLAIN = 10.0  # seconds spent on making an explanation small
 
 
 @dataclass(frozen=True)
@@ -44,16 +44,19 @@ def synthesize_policy(
     fairness: str = "qnp",
     time_limit: float | None = None,
     seed: int = 0,
+    explain: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Solution:
     """Return the cheapest abstraction with a policy for every expanded state of the sample.
 
     `fairness` is the least that must be guaranteed: `strong` (no loop), `qnp` (every loop lowers a count it
-    never raises) or `strong-cyclic` (a goal stays in reach). Among optimal answers the one with the fewest
-    features, then the fewest policy rules, then the smallest numbers is returned, whatever the seed.
+    never raises) or `strong-cyclic` (a goal stays in reach). Outcomes of a falling count that no seen state
+    shows are dropped. Among optimal answers the one with the fewest features, then the fewest policy rules,
+    then the smallest numbers is returned, whatever the seed (if more than 200 tie, of the first 200).
 
-    Raises NoPolicy with the states at fault, or LimitReached if the limit ends before any answer; an answer
-    that was not proved optimal in time comes back with `optimal` False and a lower `bound`.
+    Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
+    before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal` False
+    and a lower `bound`.
     """
     if fairness not in FAIRNESS:
         raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(FAIRNESS)}")
@@ -63,7 +66,7 @@ def synthesize_policy(
     require_separable_goals(evidence)
     theory = compress(evidence, fairness)
     lazy = LazyPolicy(theory)
-    ties = _Ties(say)
+    watch = _Watch(say)
     program = Program(
         [resource("asp", "abstraction.lp")],
         theory_facts(theory),
@@ -74,14 +77,16 @@ def synthesize_policy(
     say(f"{theory.features.bit_count()} features, {len(theory.expanded)} state classes")
     outcome = program.solve(
         limit=clock.left(),
-        on_answer=ties.report,
-        on_bound=lambda bound: say(f"cost at least {bound[0]}"),
+        on_answer=watch.report,
+        on_bound=watch.bound,
     )
     if not outcome.answers:
         if not outcome.complete:
             raise LimitReached(f"no policy found in {time_limit:g} s; {_reached(outcome)}")
+        if not explain:
+            raise NoPolicy("no abstraction of the pool has a policy")
         left = clock.left()
-        raise explain(theory, _EXPLAIN if left is None else min(_EXPLAIN, left))
+        raise find_conflict(theory, _EXPLAIN if left is None else min(_EXPLAIN, left))
     best = _best(outcome.answers, theory)
     bound = max(outcome.bound[0], 0) if outcome.bound else 0
     optimal = best.optimal or outcome.complete or bound >= best.cost[0]
@@ -119,11 +124,16 @@ def _random(seed: int) -> list[str]:
     return [f"--seed={seed}", "--rand-freq=0.01"] if seed else []
 
 
-class _Ties:
-    """Stop the listing of optimal selections at some point."""
+class _Watch:
+    """Report progress, and stop the listing of optimal selections at some point."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        self._say, self._count = say, 0
+        self._say, self._count, self._bound = say, 0, 0
+
+    def bound(self, bound: tuple[int, ...]) -> None:
+        if bound[0] > self._bound:
+            self._bound = bound[0]
+            self._say(f"cost at least {bound[0]}")
 
     def report(self, answer: Answer) -> bool:
         if answer.optimal:

@@ -43,7 +43,7 @@ def require_separable_goals(evidence: Evidence) -> None:
         )
 
 
-def explain(theory: Theory, limit: float) -> NoPolicy:
+def find_conflict(theory: Theory, limit: float) -> NoPolicy:
     """Return the error that names a smallest set of expanded states for which no policy exists together."""
     program = relaxed_program(theory)
     deadline = time.monotonic() + limit
@@ -84,7 +84,9 @@ def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolic
     for i, s in enumerate(shown):
         for t in shown[:i]:
             if s.values == t.values:
-                lines.append(f"  states {t.id} and {s.id} look alike to every feature, but no candidates agree")
+                lines.append(
+                    f"  states {t.id} and {s.id} look alike to every feature of the pool, but their moves differ"
+                )
     lines.append(
         "  demonstrations that treat like states differently are inconsistent: change them, or try a higher "
         "complexity, another grammar rule" + ("" if theory.fairness == "strong-cyclic" else ", a weaker fairness")
