@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from gentamp_lp.asp import Answer, Atom, Outcome, Program
 from gentamp_lp.conflict import NoPolicy, find_conflict, require_separable_goals
-from gentamp_lp.encoding import LazyPolicy, relaxed_program, theory_facts
+from gentamp_lp.encoding import LazyPolicy, improvement_facts, relaxed_program, theory_facts
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.evidence import Evidence, parse_evidence
 from gentamp_lp.lemmas import FAIRNESS, Theory, compress
@@ -44,6 +44,7 @@ def synthesize_policy(
     fairness: str = "qnp",
     time_limit: float | None = None,
     seed: int = 0,
+    improve: tuple[int, int] | None = None,
     explain: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Solution:
@@ -51,8 +52,10 @@ def synthesize_policy(
 
     `fairness` is the least that must be guaranteed: `strong` (no loop), `qnp` (every loop lowers a count it
     never raises) or `strong-cyclic` (a goal stays in reach). Outcomes of a falling count that no seen state
-    shows are dropped. Among optimal answers the one with the fewest features, then the fewest policy rules,
-    then the smallest numbers is returned, whatever the seed (if more than 200 tie, of the first 200).
+    shows are dropped. Among optimal answers the one with the fewest features, then the shortest formulas, then
+    the fewest policy rules, then the smallest numbers is returned, whatever the seed (if more than 200 tie, of
+    the first 200). `improve` = (cost, level) asks only for answers that cost less and use a feature whose cost
+    exceeds the level: what a deeper pool can add to an optimum over a shallower one.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
     before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal` False
@@ -69,7 +72,7 @@ def synthesize_policy(
     watch = _Watch(say)
     program = Program(
         [resource("asp", "abstraction.lp")],
-        theory_facts(theory),
+        theory_facts(theory) + improvement_facts(improve),
         options=["--opt-strategy=usc,stratify", "--opt-mode=optN", "--project=project", "0", *_random(seed)],
         theory=lazy,
     )
@@ -83,6 +86,8 @@ def synthesize_policy(
     if not outcome.answers:
         if not outcome.complete:
             raise LimitReached(f"no policy found in {time_limit:g} s; {_reached(outcome)}")
+        if improve is not None:
+            raise NoPolicy(f"no abstraction with a deeper feature costs less than {improve[0]}")
         if not explain:
             raise NoPolicy("no abstraction of the pool has a policy")
         left = clock.left()
@@ -148,7 +153,7 @@ def _reached(outcome: Outcome) -> str:
 
 
 def _best(answers: list[Answer], theory: Theory) -> Answer:
-    """Break ties: fewest features, fewest policy rules, smallest feature numbers."""
+    """Break ties that the program leaves: fewest policy rules, smallest feature numbers."""
     lazy = LazyPolicy(theory)
 
     def key(answer: Answer) -> tuple[int, tuple[int, ...], int, tuple[int, ...]]:

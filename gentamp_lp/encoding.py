@@ -45,6 +45,7 @@ def theory_facts(theory: Theory) -> str:
     evidence = theory.evidence
     name = [feature.id for feature in evidence.features]
     lines = [f"feature({name[i]},{evidence.features[i].cost})." for i in bits(theory.features)]
+    lines += [f"size({name[i]},{evidence.features[i].size})." for i in bits(theory.features)]
     for state in theory.expanded:
         lines.append(f"expanded({state.id}).")
         for move in state.moves:
@@ -57,6 +58,11 @@ def theory_facts(theory: Theory) -> str:
         for mask in minimal(pairs, number):
             lines.extend(f"{predicate}({pairs[mask][0]},{pairs[mask][1]},{name[i]})." for i in bits(mask))
     return "\n".join(lines)
+
+
+def improvement_facts(improve: tuple[int, int] | None) -> str:
+    """Return the input facts of `asp/abstraction/improve.lp`."""
+    return "" if improve is None else f"\ncheaper_than({improve[0]}). deeper_than({improve[1]})."
 
 
 def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:

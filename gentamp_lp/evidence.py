@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from gentamp_lp.errors import Diagnostic, InputError
@@ -19,17 +19,18 @@ _FACT = re.compile(r"([a-z]\w*)\(([^()\"]*|[^()\"]*\"(?:[^\"\\]|\\.)*\"\s*)\)\s*
 _PAIR = {name: re.compile(rf"\b{name}\(\s*(\d+)\s*,\s*(\d+)\s*\)\s*\.") for name in ("pos", "inc", "dec", "state")}
 _ARITY = {
     "state": 2, "initial": 1, "goal": 1, "transition": 3, "candidate": 1,
-    "action": 2, "feature": 3, "pos": 2, "inc": 2, "dec": 2,
+    "action": 2, "feature": 3, "size": 2, "pos": 2, "inc": 2, "dec": 2,
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class PoolFeature:
-    """A feature of the pool: its number, its cost, and whether it counts (numeric) or holds (boolean)."""
+    """A feature of the pool: its number, its cost, whether it counts (numeric) or holds (boolean), its length."""
 
     id: int
     cost: int
     kind: str
+    size: int = 0
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ class Evidence:
 def parse_evidence(facts: str) -> Evidence:
     """Read the facts (predicates in `asp/reference/defined.lp`); an InputError names the line at fault."""
     rows = _rows(facts)
-    features = sorted((_feature(row) for row in rows["feature"]), key=lambda f: f.id)
+    sizes = {int(f): int(size) for f, size in rows["size"]}
+    features = sorted((_feature(row, sizes) for row in rows["feature"]), key=lambda f: f.id)
     bit = {feature.id: 1 << i for i, feature in enumerate(features)}
     if len(bit) < len(features):
         raise InputError(Diagnostic("two feature/3 facts have the same number"))
@@ -122,11 +124,11 @@ def _unreadable(text: str, piece: str) -> InputError:
     return InputError(Diagnostic(f"not a fact of the sample: {piece}", line=line, hint=f"known: {known}"))
 
 
-def _feature(row: tuple[str, ...]) -> PoolFeature:
+def _feature(row: tuple[str, ...], sizes: Mapping[int, int]) -> PoolFeature:
     number, cost, kind = row
     if kind not in ("boolean", "numeric") or not cost.isdigit():
         raise InputError(Diagnostic(f"feature({number}, {cost}, {kind}): want a cost and boolean or numeric"))
-    return PoolFeature(int(number), int(cost), kind)
+    return PoolFeature(int(number), int(cost), kind, sizes.get(int(number), 0))
 
 
 def _masks(

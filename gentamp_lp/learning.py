@@ -180,10 +180,21 @@ def _choose(
             progress(f"complexity {level}: {pool.size} features")
             facts = data.policy_facts() + pool.facts
             left = deadline - time.monotonic()
-            solution = synthesize_policy(facts, fairness=fairness, time_limit=left, seed=seed, progress=progress)
+            solution = synthesize_policy(
+                facts,
+                fairness=fairness,
+                time_limit=left,
+                seed=seed,
+                improve=(best[1].cost, level - 1) if best and best[1].optimal else None,
+                explain=level == highest,
+                progress=progress,
+            )
         except NoAnswer as error:
             failure = error
-            progress(f"complexity {level}: no policy over this pool")
+            progress(f"complexity {level}: {error}")
+            proved = level
+            if best is not None and best[1].cost <= level + 1:
+                break
             continue
         except LimitReached:
             if best is None:

@@ -159,9 +159,18 @@ better(Key, Item, Key0, Item0) :-
     (   Order == (<)
     ->  true
     ;   Order == (=),
-        item_formula(Item, _, Sort, F),
-        item_formula(Item0, _, Sort0, F0),
-        f(Sort, F) @< f(Sort0, F0)
+        text_order(Item, Text),
+        text_order(Item0, Text0),
+        Text @< Text0
+    ).
+
+% What is counted comes before what is closed: Holding(x) rather than HandEmpty.
+
+text_order(Item, Text) :-
+    item_formula(Item, _, Sort, F),
+    (   Sort == none
+    ->  Text = closed(1, F)
+    ;   Text = closed(0, F)
     ).
 
 % behaviour(+Planes, -Pos, -Inc, -Dec): compare the numbers before and after, least significant digit first.
@@ -184,9 +193,9 @@ behaviour_([P|Ps], Sources, Targets, Shift, Mask, Pos0, Inc0, Dec0, Pos, Inc, De
 % New representatives are numbered in the order of size and text. Those of lower levels keep their numbers.
 
 number_representatives(Cost) :-
-    findall(key(Size, Sort, F)-f(Kind, Item, Pos, Inc, Dec),
+    findall(key(Size, Text)-f(Kind, Item, Pos, Inc, Dec),
             ( best(_, Cost, Size, _, Item, Kind, Pos, Inc, Dec),
-              item_formula(Item, _, Sort, F) ),
+              text_order(Item, Text) ),
             Pairs0),
     keysort(Pairs0, Pairs),
     aggregate_all(count, representative(_, _, _, _, _, _, _), N0),

@@ -9,6 +9,7 @@
 :- use_module(library(lists), [max_list/2, sum_list/2, nth1/3]).
 :- use_module(library(apply), [maplist/3]).
 :- use_module(engine).
+:- use_module(facts, [predicate/2]).
 :- use_module(views).
 :- use_module(rules).
 :- use_module(formula, [formula/3]).
@@ -48,8 +49,8 @@ name (and - for all other items), Last the Id of the last operand.
 
 %!  meta(?Id, ?Size, ?Rank, ?Bound, ?Rule, ?Operands) is nondet.
 %
-%   Formula Id is the result of Rule (or a view) for the items Operands. Size counts its rules, Rank adds up
-%   their places in the grammar; Bound is explained at view/6.
+%   Formula Id is the result of Rule (or a view) for the items Operands. Size counts its rules and the arguments
+%   that views hide behind a quantifier, Rank adds up their places in the grammar; Bound is explained at view/6.
 
 %!  start_generating is det.
 %
@@ -231,6 +232,12 @@ keep(Bucket, Id, New, Bits) :-
     assertz(meta(Id, Size, Rank, Bound, Rule, Operands)),
     assertz(item(Bucket, Id, Last, Implications, Bits)).
 
+size_and_rank(new(view(Name, Positions), [], _, _, Rank, _, _), Size, Rank) :-
+    !,
+    predicate(Name, Sorts),
+    length(Sorts, Arity),
+    length(Positions, Shown),
+    Size is 1 + Arity - Shown.
 size_and_rank(new(_, Operands, _, _, Index, _, _), Size, Rank) :-
     findall(S-R, ( member(Id, Operands), meta(Id, S, R, _, _, _) ), Pairs),
     foldl([S-R, S0-R0, S1-R1]>>(S1 is S0+S, R1 is R0+R), Pairs, 1-Index, Size-Rank).

@@ -55,11 +55,12 @@ pool_level(Cost) :-
 
 %!  pool_features(+Cost:nonneg) is det.
 %
-%   Print feature/3, pos/2, inc/2 and dec/2 for the representatives of this Cost.
+%   Print feature/3, size/2, pos/2, inc/2 and dec/2 for the representatives of this Cost.
 
 pool_features(Cost) :-
-    forall(representative(Id, Cost, Kind, _, Pos, Inc, Dec),
-           ( format("feature(~d,~d,~w).~n", [Id, Cost, Kind]),
+    forall(representative(Id, Cost, Kind, Item, Pos, Inc, Dec),
+           ( once(meta(Item, Size, _, _, _, _)),
+             format("feature(~d,~d,~w). size(~d,~d).~n", [Id, Cost, Kind, Id, Size]),
              forall(bit(Pos, S), format("pos(~d,~d). ", [Id, S])),
              forall(( bit(Inc, B), transition_bit(B, T) ), format("inc(~d,~d). ", [Id, T])),
              forall(( bit(Dec, B), transition_bit(B, T) ), format("dec(~d,~d). ", [Id, T])),
