@@ -22,6 +22,7 @@ from gentamp_lp.resources import resource
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
 
 _TIES = 200  # optimal selections that are compared to break ties
+_IMPROVE = 200_000  # conflicts spent on improving a proved optimum: a count, not a time, so that results repeat
 _EXPLAIN = 10.0  # seconds spent on making an explanation small
 
 
@@ -55,7 +56,8 @@ def synthesize_policy(
     shows are dropped. Among optimal answers the one with the fewest features, then the shortest formulas, then
     the fewest policy rules, then the smallest numbers is returned, whatever the seed (if more than 200 tie, of
     the first 200). `improve` = (cost, level) asks only for answers that cost less and use a feature whose cost
-    exceeds the level: what a deeper pool can add to an optimum over a shallower one.
+    exceeds the level: what a deeper pool can add to an optimum over a shallower one. The effort for that is
+    limited by a number of conflicts.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
     before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal` False
@@ -73,7 +75,7 @@ def synthesize_policy(
     program = Program(
         [resource("asp", "abstraction.lp")],
         theory_facts(theory) + improvement_facts(improve),
-        options=["--opt-strategy=usc,stratify", "--opt-mode=optN", "--project=project", "0", *_random(seed)],
+        options=["--opt-strategy=usc,stratify", "--opt-mode=optN", "--project=project", "0", *_random(seed), *_effort(improve)],
         theory=lazy,
     )
     prepared = clock.now()
@@ -85,7 +87,7 @@ def synthesize_policy(
     )
     if not outcome.answers:
         if not outcome.complete:
-            raise LimitReached(f"no policy found in {time_limit:g} s; {_reached(outcome)}")
+            raise LimitReached(f"no policy found within the limit; {_reached(outcome)}")
         if improve is not None:
             raise NoPolicy(f"no abstraction with a deeper feature costs less than {improve[0]}")
         if not explain:
@@ -127,6 +129,10 @@ class _Clock:
 
 def _random(seed: int) -> list[str]:
     return [f"--seed={seed}", "--rand-freq=0.01"] if seed else []
+
+
+def _effort(improve: tuple[int, int] | None) -> list[str]:
+    return [] if improve is None else [f"--solve-limit={_IMPROVE}"]
 
 
 class _Watch:

@@ -146,9 +146,11 @@ def _timing(report: dict[str, Any]) -> None:
         table.add_column(stage, justify="right")
     table.add_row(*(f"{value:.2f}" for value in seconds.values()))
     Console(highlight=False, width=100).print(table)
-    proof = "proved optimal" if report["optimal"] else f"not proved optimal, bound {report['bound']}"
+    proof = f"not proved optimal, bound {report['bound']}"
+    if report["optimal"]:
+        proof = f"proved optimal among features up to complexity {report['proved_complexity']}"
     _say(
-        f"cost {report['cost']} ({proof} at complexity {report['complexity']}), fairness {report['fairness']}, "
+        f"cost {report['cost']} ({proof}), fairness {report['fairness']}, "
         f"{report['pool_size']} features, {report['states']} states, {report['transitions']} transitions"
     )
 

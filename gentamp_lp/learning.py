@@ -37,7 +37,8 @@ class Learned:
     dataset: Dataset
     pool: Pool
     solution: Solution
-    complexity: int
+    complexity: int  # of the pool the policy was found in
+    proved: int  # no abstraction with features up to this complexity is cheaper
     rounds: int
     seconds: dict[str, float]
     domain_pddl: str = ""
@@ -73,6 +74,7 @@ class Learned:
             "cost": self.solution.cost,
             "bound": self.solution.bound,
             "complexity": self.complexity,
+            "proved_complexity": self.proved,
             "states": len(self.dataset.states),
             "transitions": len(self.dataset.transitions),
             "problems": len(self.dataset.problems),
@@ -171,42 +173,53 @@ def _choose(
     """Deepen the pool level by level while a deeper feature could still give a cheaper abstraction."""
     best: tuple[Pool, Solution, int, str] | None = None
     failure: NoAnswer | None = None
+    proved = 0  # no abstraction with features up to this complexity is cheaper than the best
     levels = range(min(FIRST_LEVEL, highest), highest + 1)
     pools = deepen(data.pool_facts(), costs=levels, grammars=grammars, time_limit=deadline - time.monotonic())
     for level in levels:
         try:
             with clock.stage("pool"):
                 pool = next(pools)
+        except LimitReached:
+            if best is None:
+                raise
+            progress(f"complexity {level}: the pool was not finished within the limit")
+            break
+        try:
             progress(f"complexity {level}: {pool.size} features")
             facts = data.policy_facts() + pool.facts
-            left = deadline - time.monotonic()
+            start = time.perf_counter()
             solution = synthesize_policy(
                 facts,
                 fairness=fairness,
-                time_limit=left,
+                time_limit=deadline - time.monotonic(),
                 seed=seed,
-                improve=(best[1].cost, level - 1) if best and best[1].optimal else None,
+                improve=(best[1].cost, level - 1) if best else None,
                 explain=level == highest,
                 progress=progress,
             )
         except NoAnswer as error:
             failure = error
+            clock.seconds["solving"] += time.perf_counter() - start
             progress(f"complexity {level}: {error}")
             proved = level
-            if best is not None and best[1].cost <= level + 1:
-                break
-            continue
-        except LimitReached:
+        except LimitReached as error:
             if best is None:
                 raise
-            progress(f"complexity {level}: limit reached, keeping the policy of a lower level")
+            clock.seconds["solving"] += time.perf_counter() - start
+            progress(f"complexity {level}: undecided whether a cheaper abstraction exists ({error})")
             break
-        for stage in ("theory", "solving"):
-            clock.seconds[stage] += solution.seconds.get(stage, 0.0)
-        if best is None or solution.cost < best[1].cost:
-            best = (pool, solution, level, facts)
-        if solution.optimal and best[1].cost <= level + 1:
-            break  # an abstraction with a deeper feature costs at least level + 1
+        else:
+            for stage in ("theory", "solving"):
+                clock.seconds[stage] += solution.seconds[stage]
+            if best is None or solution.optimal:
+                best = (pool, solution, level, facts)
+            if not solution.optimal:
+                break
+            proved = level
+        if best is not None and best[1].cost <= level + 1:
+            proved = highest  # an abstraction with a deeper feature costs at least level + 1
+            break
     if best is None:
         raise failure or LimitReached("the time limit ended learning before a pool was searched")
     pool, solution, level, facts = best
@@ -221,7 +234,7 @@ def _choose(
             variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
             extra={"sorts": data.predicates},
         )
-    return Learned(task, policy, data, pool, solution, level, 0, clock.seconds)
+    return Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds)
 
 
 def _roll_out(

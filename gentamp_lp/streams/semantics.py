@@ -51,6 +51,7 @@ class Program:
     domain: Domain
     axioms: Mapping[str, tuple[Axiom, ...]]
     recursive: frozenset[str]
+    basis: Mapping[str, frozenset[str]]  # derived predicate -> basic predicates its truth depends on
     preconditions: Mapping[str, Formula]
 
     @classmethod
@@ -79,7 +80,11 @@ class Program:
                         )
                     )
         preconditions = {a.name: normalize(a.precondition) for a in domain.actions}
-        return cls(domain, {k: tuple(v) for k, v in table.items()}, frozenset(recursive), preconditions)
+        basis = {
+            head: frozenset(nx.descendants(graph, head)) - table.keys() if head in graph else frozenset()
+            for head in table
+        }
+        return cls(domain, {k: tuple(v) for k, v in table.items()}, frozenset(recursive), basis, preconditions)
 
 
 def _polarity(formula: Formula, negative: bool = False) -> Iterator[tuple[str, bool]]:
@@ -212,7 +217,8 @@ class View:
                 if predicate in self.base.tests:
                     return _TEST_JOIN
                 if predicate in self.program.axioms:
-                    return _UNBOUND_JOIN + 100
+                    known = self._extensions.get(predicate)
+                    return _UNBOUND_JOIN + (100 if known is None else len(known))
                 if self.generates(predicate):
                     return _GENERATE
                 return _UNBOUND_JOIN + len(self._relation(predicate))
@@ -233,19 +239,23 @@ class View:
         """Tuples of a predicate that agree with a pattern."""
         if predicate not in self.program.axioms:
             return self._relation(predicate).matches(pattern)
-        if predicate in self.program.recursive or all(p is None for p in pattern):
+        if self._cheap(predicate) or all(p is None for p in pattern):
             return self._derive_all(predicate).matches(pattern)
         return self._derive(predicate, pattern)
 
     def _true(self, predicate: str, args: Args) -> bool:
         if predicate not in self.program.axioms:
             return args in self._fluents.get(predicate, ()) or self.base.truth(predicate, args)
-        if predicate in self.program.recursive:
+        if self._cheap(predicate):
             return args in self._derive_all(predicate)
         fact = (predicate, *args)
         if fact not in self._truth:
             self._truth[fact] = next(iter(self._derive(predicate, args)), None) is not None
         return self._truth[fact]
+
+    def _cheap(self, predicate: str) -> bool:
+        """Whether to derive all tuples of a predicate at once: no tests are run for it."""
+        return predicate in self.program.recursive or self.program.basis[predicate].isdisjoint(self.base.tests)
 
     def _derive(self, predicate: str, pattern: tuple[str | None, ...]) -> Iterator[Args]:
         found: set[Args] = set()
@@ -326,13 +336,6 @@ def precondition_holds(view: View, step: Step) -> bool:
 
 def reads(formula: Formula, program: Program) -> frozenset[str]:
     """Basic predicates (fluent, static, certified) that the truth of a formula depends on."""
-    found: set[str] = set()
-    open_ = [a.predicate for a in atoms(formula)]
-    while open_:
-        predicate = open_.pop()
-        if predicate in found:
-            continue
-        found.add(predicate)
-        for axiom in program.axioms.get(predicate, ()):
-            open_ += [a.predicate for a in atoms(axiom.body)]
-    return frozenset(p for p in found if p not in program.axioms)
+    named = {a.predicate for a in atoms(formula)}
+    derived = named & program.axioms.keys()
+    return frozenset((named - derived).union(*(program.basis[p] for p in derived)))
