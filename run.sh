@@ -36,7 +36,6 @@ if [ "${1:-}" = test ]; then
     shift
     .venv/bin/ruff check .
     .venv/bin/mypy
-    sh tests/logic/run.sh
     exec .venv/bin/python -m pytest "$@"
 fi
 exec .venv/bin/gentamp-lp "$@"

@@ -75,7 +75,14 @@ def synthesize_policy(
     program = Program(
         [resource("asp", "abstraction.lp")],
         theory_facts(theory) + improvement_facts(improve),
-        options=["--opt-strategy=usc,stratify", "--opt-mode=optN", "--project=project", "0", *_random(seed), *_effort(improve)],
+        options=[
+            "--opt-strategy=usc,stratify",
+            "--opt-mode=optN",
+            "--project=project",
+            "0",
+            *_random(seed),
+            *_effort(improve),
+        ],
         theory=lazy,
     )
     prepared = clock.now()

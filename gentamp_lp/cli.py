@@ -50,18 +50,12 @@ class Mode(StrEnum):
     unguided = "unguided"
 
 
-TaskArg = Annotated[
-    str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")
-]
+TaskArg = Annotated[str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")]
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
 SeedOpt = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same result.")]
-RobotOpt = Annotated[
-    str | None, typer.Option("--robot", help="Robot instead of the task's: gripper or panda.")
-]
-TrustOpt = Annotated[
-    bool, typer.Option("--trust", help="Run the Python samplers of a domain that is not shipped.")
-]
+RobotOpt = Annotated[str | None, typer.Option("--robot", help="Robot instead of the task's: gripper or panda.")]
+TrustOpt = Annotated[bool, typer.Option("--trust", help="Run the Python samplers of a domain that is not shipped.")]
 
 
 class _Progress:
@@ -86,12 +80,8 @@ def _say(text: str) -> None:
 @app.command()
 def learn(
     task: TaskArg,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Folder of the policy bundle [runs/TASK].")
-    ] = None,
-    grammar: Annotated[
-        list[Path] | None, typer.Option("--grammar", help="Grammar file to add (repeatable).")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the policy bundle [runs/TASK].")] = None,
+    grammar: Annotated[list[Path] | None, typer.Option("--grammar", help="Grammar file to add (repeatable).")] = None,
     max_complexity: Annotated[
         int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
     ] = None,
@@ -163,9 +153,7 @@ def solve(
     mode: Annotated[Mode, typer.Option(help="Follow a policy, or plan without one.")] = Mode.guided,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
-    render: Annotated[
-        Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")
-    ] = None,
+    render: Annotated[Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")] = None,
     robot: RobotOpt = None,
     seed: SeedOpt = 0,
     json_: JsonOpt = False,
@@ -195,18 +183,14 @@ def solve(
             )
         guide = Policy.load(folder)
         if guide.task != loaded.name:
-            raise InputError(
-                Diagnostic(f"the policy in `{folder}` is for task `{guide.task}`, not `{loaded.name}`")
-            )
+            raise InputError(Diagnostic(f"the policy in `{folder}` is for task `{guide.task}`, not `{loaded.name}`"))
     result = run(loaded, size, seed, policy=guide, robot=robot, time_limit=timeout, progress=_Progress(quiet))
     if result.plan is not None and out is not None:
         result.plan.save(out)
         messages.print(f"plan written to {out}")
     if result.plan is not None and render is not None:
         code, base = loaded.folder.code, result.instance.base
-        code.render_plan(
-            result.instance.world, [(s.schema, s.args) for s in result.plan.steps], base.values, render
-        )
+        code.render_plan(result.instance.world, [(s.schema, s.args) for s in result.plan.steps], base.values, render)
         messages.print(f"picture written to {render}")
     report = result.report()
     if json_:
@@ -280,9 +264,7 @@ def compile_(
     write_text(out / "stream.pddl", (loaded.folder.path / "stream.pddl").read_text(encoding="utf-8"))
     if json_:
         names = [schema.name for schema in domain.actions]
-        _print_json(
-            {"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names}
-        )
+        _print_json({"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names})
     else:
         _say(f"{out / 'domain.pddl'}: {len(domain.actions)} actions, {len(domain.axioms)} axioms")
 

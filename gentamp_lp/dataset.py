@@ -59,9 +59,7 @@ class Dataset:
 
     def pool_facts(self) -> str:
         """The facts from which Prolog builds the feature pool."""
-        lines = [
-            f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})
-        ]
+        lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]
         for name, sorts in self.predicates.items():
             lines.append(f"predicate({name}, [{', '.join(sorts)}]).")
             lines.append(f'display({name}, "{self.display[name]}").')

@@ -20,11 +20,11 @@ import platformdirs
 import gentamp_lp
 from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
 from gentamp_lp.invariants import at_most_one
+from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.incremental import simulate, solve_incremental
 from gentamp_lp.streams.pddl import Stream, infer_sorts
 from gentamp_lp.streams.semantics import (
-    FactBase,
     Program,
     State,
     Step,
@@ -38,9 +38,7 @@ from gentamp_lp.task import Instance, Task
 Progress = Callable[[str], None]
 
 
-def canonical(
-    program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]
-) -> list[Step]:
+def canonical(program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]) -> list[Step]:
     """The plan without dispensable steps, in canonical order (see the module's text)."""
     steps = _without_detours(program, base, state, goal, list(plan))
     rank = {schema.name: index for index, schema in enumerate(program.domain.actions)}
@@ -58,9 +56,7 @@ def canonical(
     return ordered
 
 
-def _without_detours(
-    program: Program, base: FactBase, state: State, goal: Formula, steps: list[Step]
-) -> list[Step]:
+def _without_detours(program: Program, base: FactBase, state: State, goal: Formula, steps: list[Step]) -> list[Step]:
     """Action elimination: drop a step with all later steps that need it, if the goal is still reached."""
     index = 0
     while index < len(steps):
@@ -141,9 +137,7 @@ class Recorder:
             self._transition(problem, view, step, base, demonstrated=True)
             state = apply(view, step)
 
-    def _transition(
-        self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool
-    ) -> None:
+    def _transition(self, problem: int, view: View, step: Step, base: FactBase, *, demonstrated: bool) -> None:
         source = self._number(problem, view.state, base)
         target = self._number(problem, apply(view, step), base)
         key = (source, target, step.schema)

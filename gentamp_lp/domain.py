@@ -104,8 +104,6 @@ def _import(path: Path) -> ModuleType:
     missing = [hook for hook in HOOKS if not hasattr(module, hook)]
     if missing:
         raise InputError(
-            Diagnostic(
-                f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md"
-            )
+            Diagnostic(f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md")
         )
     return module

@@ -19,39 +19,59 @@ from gentamp_lp.streams.formula import (
     conjuncts,
     imply,
     normalize,
+    substitute,
 )
 from gentamp_lp.streams.pddl import Axiom
 from gentamp_lp.streams.semantics import View
 
-def to_formula(term: str) -> Formula:
-    """Read `some(v1,object,conj(on(v0,v1),movable(v1)))` and the like. Raises InputError for anything else.
 
-    Quantifiers range over the entities of their sort; the guard is left out where the body implies it.
+def to_formula(term: str, name: str = "f") -> tuple[Formula, list[Axiom]]:
+    """Read `some(v1,object,conj(on(v0,v1),movable(v1)))` and the like.
+
+    Quantifiers range over the entities of their sort; the guard is left out where the body implies it. Each
+    `closure(U,W,Sort,F,Y,X)` becomes a recursive axiom, named after `name`, that is returned beside the formula.
     """
-    return _convert(parse_term(term), frozenset())
+    reader = _Reader(name)
+    return reader.read(parse_term(term)), reader.axioms
 
 
-def _convert(tree: Term, scope: frozenset[str]) -> Formula:
-    name, parts = tree
-    match name, len(parts):
-        case "neg", 1:
-            return Not(_convert(parts[0], scope))
-        case "conj", 2:
-            return And((_convert(parts[0], scope), _convert(parts[1], scope)))
-        case "disj", 2:
-            return Or((_convert(parts[0], scope), _convert(parts[1], scope)))
-        case "implies", 2:
-            return imply(_convert(parts[0], scope), _convert(parts[1], scope))
-        case (("some" | "every"), 3):
-            variable, sort = f"?{parts[0][0]}", parts[1][0]
-            body = _convert(parts[2], scope | {variable})
-            guard = Atom(sort_predicate(sort), (variable,))
-            if name == "some":
-                return Exists((variable,), body if _guarded(body, variable) else And((guard, body)))
-            return Forall((variable,), body if _guarded(Not(body), variable) else imply(guard, body))
-        case "true", 0:
-            return And(())
-    return Atom(name, tuple(f"?{part[0]}" for part in parts))
+class _Reader:
+    """Turns terms into formulas and collects the axioms that they need."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.axioms: list[Axiom] = []
+
+    def read(self, term: Term) -> Formula:
+        name, parts = term
+        match name, len(parts):
+            case "neg", 1:
+                return Not(self.read(parts[0]))
+            case "conj", 2:
+                return And((self.read(parts[0]), self.read(parts[1])))
+            case "disj", 2:
+                return Or((self.read(parts[0]), self.read(parts[1])))
+            case "implies", 2:
+                return imply(self.read(parts[0]), self.read(parts[1]))
+            case (("some" | "every"), 3):
+                variable, body = f"?{parts[0][0]}", self.read(parts[2])
+                guard = Atom(sort_predicate(parts[1][0]), (variable,))
+                if name == "some":
+                    return Exists((variable,), body if _guarded(body, variable) else And((guard, body)))
+                return Forall((variable,), body if _guarded(Not(body), variable) else imply(guard, body))
+            case "closure", 6:
+                return self._closure(f"?{parts[0][0]}", f"?{parts[1][0]}", parts[3], parts[4][0], parts[5][0])
+            case "true", 0:
+                return And(())
+        return Atom(name, tuple(f"?{part[0]}" for part in parts))
+
+    def _closure(self, first: str, last: str, step: Term, start: str, end: str) -> Formula:
+        """The transitive closure of `step`, a relation of the variables first and last."""
+        head = Atom(f"{self.name}-closure{len(self.axioms) + 1}", (first, last))
+        body, between = self.read(step), f"{last}-between"
+        onward = Exists((between,), And((substitute(body, {last: between}), Atom(head.predicate, (between, last)))))
+        self.axioms.append(Axiom(head, Or((body, onward))))
+        return Atom(head.predicate, (f"?{start}", f"?{end}"))
 
 
 def _guarded(formula: Formula, variable: str) -> bool:
@@ -70,9 +90,10 @@ class Features:
     def of(cls, features: Iterable[Feature]) -> Features:
         """Turn features into axioms."""
         chosen = tuple(features)
-        axioms = []
+        axioms: list[Axiom] = []
         for feature in chosen:
-            body = to_formula(feature.formula)
+            body, closures = to_formula(feature.formula, feature.name)
+            axioms += closures
             head = Atom(feature.name, ())
             if feature.variable and feature.sort:
                 variable = f"?{feature.variable}"

@@ -54,9 +54,7 @@ class LazyView(View):
         while waiting:
             again = []
             for inputs in waiting:
-                if self.base.drawn(stream, inputs) >= self._limit(stream.name) or self.base.exhausted(
-                    stream, inputs
-                ):
+                if self.base.drawn(stream, inputs) >= self._limit(stream.name) or self.base.exhausted(stream, inputs):
                     continue
                 again.append(inputs)
                 outputs = self.base.draw(stream, inputs)
@@ -137,9 +135,7 @@ class GuidedPlanner:
         self.program = Program.of(domain, self.features.axioms)
         self.kinds = {f.name: f.kind for f in policy.features}
         self.actions = {a.name: a for a in policy.actions}
-        self.phases = {
-            s.name: _Phases.of(s, self.program.preconditions[s.name], self.base) for s in domain.actions
-        }
+        self.phases = {s.name: _Phases.of(s, self.program.preconditions[s.name], self.base) for s in domain.actions}
         self._round = 0
         self._deadline = 0.0
         self._values: dict[tuple[State, int], dict[str, int]] = {}
@@ -154,9 +150,7 @@ class GuidedPlanner:
         """
         self._deadline = time.monotonic() + time_limit
         quota = quota_for(self.base, self._read, self.instance.task.file.samples)
-        sample(
-            self.base, quota, self._deadline
-        )  # features that quantify over samples need the task's number of them
+        sample(self.base, quota, self._deadline)  # features that quantify over samples need the task's number of them
         failure = DeadEnd("the policy was not tried")
         total = 0
         for self._round in range(max_rounds):
@@ -168,7 +162,7 @@ class GuidedPlanner:
 
     def limit(self, stream: str) -> int:
         """How often a stream may be called on the same inputs in this round."""
-        return max(self.instance.task.file.samples.get(stream, 1) * 4**self._round, 2**self._round)
+        return int(self.instance.task.file.samples.get(stream, 1) * 4**self._round)
 
     def _check_time(self) -> None:
         if time.monotonic() > self._deadline:
@@ -187,7 +181,9 @@ class GuidedPlanner:
     def _search(self, budget: int) -> tuple[tuple[list[Step], list[State], list[str]] | None, DeadEnd, int]:
         start = self.instance.state
         goal = self.instance.task.goal
-        states, steps, names = [start], [], []
+        states = [start]
+        steps: list[Step] = []
+        names: list[str] = []
         visited = {start}
         failure = DeadEnd("no step was possible")
         deepest = -1

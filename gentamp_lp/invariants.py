@@ -28,9 +28,7 @@ def at_most_one(domain: Domain, initial: Iterable[State]) -> list[str]:
                 break
     for axiom in domain.axioms:
         alone = sum(a.head.predicate == axiom.head.predicate for a in domain.axioms) == 1
-        if alone and any(
-            a.predicate in found and set(axiom.head.args) <= set(a.args) for a in _top(axiom.body)
-        ):
+        if alone and any(a.predicate in found and set(axiom.head.args) <= set(a.args) for a in _top(axiom.body)):
             found.add(axiom.head.predicate)
     return sorted(found)
 

@@ -66,8 +66,7 @@ class Learned:
                 for a in policy.actions
             ],
             "policy": [
-                {"state": dict(zip(names, rule.valuation, strict=True)), "action": rule.action}
-                for rule in policy.rules
+                {"state": dict(zip(names, rule.valuation, strict=True)), "action": rule.action} for rule in policy.rules
             ],
             "fairness": policy.fairness,
             "optimal": self.solution.optimal,
@@ -90,9 +89,7 @@ class Learned:
 
     def save(self, folder: Path) -> None:
         """Write the policy bundle, whole or not at all."""
-        self.policy.save(
-            folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report()
-        )
+        self.policy.save(folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report())
 
 
 @dataclass
@@ -132,9 +129,7 @@ def learn(
         data = demonstrate(
             task, seed=seed, robot=robot, around=around, time_limit=time_limit, cache=cache, progress=progress
         )
-    progress(
-        f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)"
-    )
+    progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
     grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
     highest = max_complexity or task.file.max_complexity
     notes: list[str] = []
@@ -260,9 +255,7 @@ def _roll_out(
     return failures
 
 
-def _learn_from(
-    end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool
-) -> None:
+def _learn_from(end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool) -> None:
     """Record what the planner does from where the policy failed, as a problem of its own."""
     state = end.state
     base, program = instance.base, task.program

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedBase
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.scalarstring import LiteralScalarString
 
 from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
 from gentamp_lp.errors import Diagnostic, InputError
@@ -78,7 +79,8 @@ class Task:
         file = _validate(TaskFile, data, data, path, ())
         folder = load_domain(file.domain, path.parent, trust=trust)
         scene = _validate(folder.code.Scene, data["scene"], data, path, ("scene",))
-        goal = parse_formula(file.goal, folder.domain, path=path, line_offset=_line(data, ("goal",)) - 1)
+        offset = _line(data, ("goal",)) - (not isinstance(data["goal"], LiteralScalarString))  # `|` starts a line below
+        goal = parse_formula(file.goal, folder.domain, path=path, line_offset=offset)
         unknown = sorted(set(file.samples) - {s.name for s in folder.streams})
         if unknown:
             raise InputError(
@@ -110,9 +112,7 @@ class Task:
             )
         given = dict(zip(names, map(int, parts), strict=True))
         return {
-            p: given[p]
-            if p in given
-            else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
+            p: given[p] if p in given else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
             for p in self.file.size
         }
 
@@ -162,9 +162,7 @@ def _find(name: str | Path) -> Path:
     if path.suffix == "" and len(path.parts) == 1 and shipped.is_file():
         return shipped
     hint = f"give the path of a task file or one of: {', '.join(shipped_tasks())}"
-    raise InputError(
-        Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint)
-    )
+    raise InputError(Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint))
 
 
 def _read_yaml(path: Path) -> Any:

@@ -59,9 +59,7 @@ def decode(data: Mapping[str, Any], world: World, values: Mapping[str, Any]) -> 
             placement, place, grasp = (values[data[key]] for key in ("placement", "place", "grasp"))
             moving = placement.frame != "world"
             target = place.transform @ placement.transform if moving else placement.transform
-            trajectory = Trajectory(
-                np.array(data["configurations"], dtype=np.float64), float(data["opening"])
-            )
+            trajectory = Trajectory(np.array(data["configurations"], dtype=np.float64), float(data["opening"]))
             name = data["object"]
             return Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory)
     raise ValueError(f"unknown sort `{data['sort']}`")

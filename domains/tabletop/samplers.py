@@ -70,9 +70,7 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         if placement.base is not None and placement.base is not place:
             return  # the placement rests on this support where it stood, and only there
         target = place.transform @ placement.transform if placement.frame == support else placement.transform
-        generator = rng(
-            "reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool)
-        )
+        generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool))
         for _ in range(_REACH_ATTEMPTS):
             trajectory = world.robot.reach(target @ grasp.tool, grasp.opening, generator)
             if trajectory is None:

@@ -140,14 +140,10 @@ class Scene(_Section):
         groups = {group.name for group in self.things}
         for group in self.things:
             if group.start.choice.support not in self.supports:
-                raise ValueError(
-                    f"`{group.name}` starts on `{group.start.choice.support}`, which is no support"
-                )
+                raise ValueError(f"`{group.name}` starts on `{group.start.choice.support}`, which is no support")
             for goal in group.goes:
                 if goal not in self.supports and goal not in groups:
-                    raise ValueError(
-                        f"`{group.name}` goes to `{goal}`, which is neither a support nor a thing"
-                    )
+                    raise ValueError(f"`{group.name}` goes to `{goal}`, which is neither a support nor a thing")
         return self
 
 
@@ -284,9 +280,7 @@ def _draw(world: World, name: str, area: Area, gap: float, rng: np.random.Genera
     for placement in uniform_placements(area, rng):
         if _free(world, name, placement, gap) and reachable(world, name, placement, rng):
             return placement
-    raise NoAnswer(
-        f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things"
-    )
+    raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
 
 
 def uniform_placements(area: Area, rng: np.random.Generator, tries: int = _TRIES) -> Iterator[Placement]:

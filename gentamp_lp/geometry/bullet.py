@@ -131,9 +131,7 @@ class Bullet:
         """
         corners = vertices.tolist()
         with _quiet():
-            collision = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=corners, physicsClientId=self.client
-            )
+            collision = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners, physicsClientId=self.client)
             visual = -1
             if look is not None:
                 visual = pybullet.createVisualShape(
@@ -166,9 +164,7 @@ class Bullet:
         if link < 0:
             position, turn = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
         else:
-            state = pybullet.getLinkState(
-                body, link, computeForwardKinematics=True, physicsClientId=self.client
-            )
+            state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self.client)
             position, turn = state[4], state[5]
         result = np.eye(4)
         values = np.array(turn)

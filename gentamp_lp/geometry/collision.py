@@ -105,9 +105,7 @@ class Swept:
     count only when envelopes do.
     """
 
-    def __init__(
-        self, solid: Iterable[fcl.CollisionObject], space: Iterable[fcl.CollisionObject] = ()
-    ) -> None:
+    def __init__(self, solid: Iterable[fcl.CollisionObject], space: Iterable[fcl.CollisionObject] = ()) -> None:
         self.solid = list(solid)
         self.space = list(space)
         self._managers = [m for m in (_manager(self.solid),) if m]

@@ -140,9 +140,7 @@ class Panda(Robot):
             for start in starts
         ]
         targets = np.broadcast_to(tool_pose, (SEEDS, 4, 4))
-        values, solved = self.chain.solve(
-            targets, np.array(seeds), iterations=POLISH_ITERATIONS, tolerance=TOLERANCE
-        )
+        values, solved = self.chain.solve(targets, np.array(seeds), iterations=POLISH_ITERATIONS, tolerance=TOLERANCE)
         middle = (self.chain.lower + self.chain.upper) / 2
         values = middle + np.remainder(values - middle + math.pi, 2 * math.pi) - math.pi
         return np.asarray(values[solved & self.chain.within(values)])
@@ -150,9 +148,7 @@ class Panda(Robot):
     def _approach(self, poses: Array, end: Array) -> Array | None:
         """Return configurations along the tool poses (n, 4, 4) that end at `end`, None where that fails."""
         starts = np.repeat(end[None], STEPS, axis=0)
-        before, solved = self.chain.solve(
-            poses[:-1], starts, iterations=POLISH_ITERATIONS, tolerance=TOLERANCE
-        )
+        before, solved = self.chain.solve(poses[:-1], starts, iterations=POLISH_ITERATIONS, tolerance=TOLERANCE)
         path = np.concatenate([before, end[None]])
         smooth = solved.all() and np.abs(np.diff(path, axis=0)).max() <= MAX_STEP
         return path if smooth and bool(self.chain.within(path).all()) else None

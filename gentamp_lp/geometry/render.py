@@ -124,9 +124,7 @@ def save_still(image: Image.Image, path: Path) -> None:
     image.save(path, format="PNG", optimize=True)
 
 
-def save_movie(
-    images: Iterable[Image.Image], path: Path, *, seconds: float = 0.1, pause: float = 1.0
-) -> None:
+def save_movie(images: Iterable[Image.Image], path: Path, *, seconds: float = 0.1, pause: float = 1.0) -> None:
     """Write pictures as a GIF that repeats; each shows for `seconds`, the last one for `pause` longer.
 
     All share one palette, made from some of them, so that the background does not flicker. Raises ValueError
@@ -142,6 +140,4 @@ def save_movie(
     palette = strip.quantize(192, method=Image.Quantize.FASTOCTREE)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     times = [round(1000 * seconds)] * (len(reduced) - 1) + [round(1000 * (seconds + pause))]
-    reduced[0].save(
-        path, format="GIF", save_all=True, append_images=reduced[1:], duration=times, loop=0, optimize=True
-    )
+    reduced[0].save(path, format="GIF", save_all=True, append_images=reduced[1:], duration=times, loop=0, optimize=True)

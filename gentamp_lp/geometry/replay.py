@@ -177,9 +177,7 @@ class Replay:
         if grasp is not None:
             self._compare("the tool", tool, item.pose @ grasp.tool)
             if abs(grasp.opening - self.opening) > PAD:
-                self._note(
-                    f"the fingers are {self.opening:.4f} m apart, the grasp says {grasp.opening:.4f} m"
-                )
+                self._note(f"the fingers are {self.opening:.4f} m apart, the grasp says {grasp.opening:.4f} m")
         self._straddle(name, tool)
         self._held, item.support = name, None
         self._attached = {n: inverse(tool) @ self._objects[n].pose for n in (name, *riders)}

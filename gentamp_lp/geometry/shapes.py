@@ -46,9 +46,7 @@ class Part:
 
     def __post_init__(self) -> None:
         if _DIMENSIONS.get(self.kind) != len(self.size):
-            raise ValueError(
-                f"a part is a box with 3 or a cylinder with 2 sizes, not {self.kind} {self.size}"
-            )
+            raise ValueError(f"a part is a box with 3 or a cylinder with 2 sizes, not {self.kind} {self.size}")
         if not all(math.isfinite(s) and s > 0 for s in self.size):
             raise ValueError(f"sizes of a {self.kind} must be positive: {self.size}")
 

@@ -18,8 +18,10 @@ import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
+from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -33,7 +35,7 @@ from gentamp_lp.streams.formula import (
     to_pddl,
 )
 from gentamp_lp.streams.pddl import Effect
-from gentamp_lp.streams.semantics import FactBase, Program, State, Step
+from gentamp_lp.streams.semantics import Program, State, Step
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
 #: Tried in turn, each with a share of the remaining time; the last one gets all of it.
@@ -118,13 +120,15 @@ def _limits(seconds: float) -> Callable[[], None]:
     return prepare
 
 
-def _run(command: list[str], folder: Path, seconds: float, stdin: object = None) -> tuple[int, str]:
+def _run(
+    command: list[str], folder: Path, seconds: float, stdin: IO[bytes] | int = subprocess.DEVNULL
+) -> tuple[int, str]:
     if seconds <= 0:
         return 23, ""
     process = subprocess.Popen(
         command,
         cwd=folder,
-        stdin=stdin or subprocess.DEVNULL,  # type: ignore[arg-type]
+        stdin=stdin,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -146,9 +146,7 @@ class FactBase:
             return False
         statistics = self.statistics[stream.name]
         start = time.perf_counter()
-        row = next(
-            iter(self.generators[stream.name](*(self.values[binding[v]] for v in stream.inputs))), None
-        )
+        row = next(iter(self.generators[stream.name](*(self.values[binding[v]] for v in stream.inputs))), None)
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if row is None:

@@ -139,9 +139,7 @@ def _normalize(formula: Formula, negated: bool, names: Mapping[str, str], fresh:
         case Exists(variables, body) | Forall(variables, body):
             existential = isinstance(formula, Exists)
             renamed = {v: f"{v}#{next(fresh)}" for v in variables}
-            inner = Exists(
-                tuple(renamed.values()), _normalize(body, not existential, {**names, **renamed}, fresh)
-            )
+            inner = Exists(tuple(renamed.values()), _normalize(body, not existential, {**names, **renamed}, fresh))
             return inner if existential != negated else Not(inner)
 
 

@@ -139,9 +139,7 @@ class _Reader:
             if name.name == "-":
                 raise self.error("types are not supported", name.line, "use unary predicates instead")
             if not name.name.startswith("?"):
-                raise self.error(
-                    f"`{name.spelling}` is not a variable", name.line, f"write `?{name.spelling}`"
-                )
+                raise self.error(f"`{name.spelling}` is not a variable", name.line, f"write `?{name.spelling}`")
             names.append(name.name)
         if len(set(names)) != len(names):
             raise self.error("a variable is declared twice", group.line)
@@ -211,9 +209,7 @@ class _Reader:
                 yield from self.effects(group.items[2], scope, variables, And((*conjuncts(condition), when)))
             case "not":
                 self.size(group, 2)
-                yield Effect(
-                    self.atom(self.group(group.items[1], "an atom"), scope), False, variables, condition
-                )
+                yield Effect(self.atom(self.group(group.items[1], "an atom"), scope), False, variables, condition)
             case "increase" | "decrease" | "assign":
                 raise self.error("action costs and numbers are not supported", group.line)
             case _:
@@ -236,7 +232,8 @@ class _Reader:
 def parse_domain(text: str, path: Path | None = None) -> Domain:
     """Parse a PDDL domain. Raises InputError with file, line and remedy."""
     reader = _Reader(path)
-    name, constants = "", ()
+    name = ""
+    constants: tuple[str, ...] = ()
     groups = read_groups(text, path)
     if len(groups) != 1 or groups[0].head != "define":
         raise reader.error("expected one `(define (domain ...) ...)`", groups[0].line if groups else 1)
@@ -427,9 +424,7 @@ def infer_sorts(
             if root not in names:
                 base = label.get((predicate.name, index), predicate.name)
                 taken = set(names.values())
-                names[root] = next(
-                    n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken
-                )
+                names[root] = next(n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken)
             row.append(names[root])
         sorts[predicate.name] = tuple(row)
     return sorts

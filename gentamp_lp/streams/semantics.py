@@ -75,9 +75,7 @@ class Program:
                 if negative:
                     line = table[head][0].line
                     raise InputError(
-                        Diagnostic(
-                            f"derived predicate `{head}` depends on its own negation", domain.path, line
-                        )
+                        Diagnostic(f"derived predicate `{head}` depends on its own negation", domain.path, line)
                     )
         preconditions = {a.name: normalize(a.precondition) for a in domain.actions}
         basis = {
@@ -184,9 +182,7 @@ class View:
                     yield from self._solve([*conjuncts(body), *rest], binding)
             case Or(parts):
                 if _free(goal) <= binding.keys():
-                    if any(
-                        next(self._solve(list(conjuncts(p)), dict(binding)), None) is not None for p in parts
-                    ):
+                    if any(next(self._solve(list(conjuncts(p)), dict(binding)), None) is not None for p in parts):
                         yield from self._solve(rest, binding)
                 else:
                     for part in parts:
@@ -194,9 +190,7 @@ class View:
             case _:
                 raise AssertionError(f"not normalized: {goal}")
 
-    def _unify(
-        self, left: str, right: str, rest: list[Formula], binding: dict[str, str]
-    ) -> Iterator[dict[str, str]]:
+    def _unify(self, left: str, right: str, rest: list[Formula], binding: dict[str, str]) -> Iterator[dict[str, str]]:
         a, b = binding.get(left, left), binding.get(right, right)
         if a.startswith("?"):
             yield from self._solve(rest, {**binding, a: b})

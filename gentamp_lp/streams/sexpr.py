@@ -51,7 +51,7 @@ def read_groups(text: str, path: Path | str | None = None) -> list[Group]:
                 raise InputError(Diagnostic("`)` without a matching `(`", path, line))
             start, items = stack.pop()
             group = Group(tuple(items), start)
-            (stack[-1][1] if stack else groups).append(group)  # type: ignore[arg-type]
+            (stack[-1][1] if stack else groups).append(group)
         elif word:
             if not stack:
                 raise InputError(Diagnostic(f"`{word}` stands outside any list", path, line))

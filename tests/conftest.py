@@ -1,0 +1,21 @@
+"""Policies learned once for the whole test session, from geometry computed here (nothing is cached on disk)."""
+
+import pytest
+
+from gentamp_lp.learning import Learned, learn
+from gentamp_lp.task import Task
+
+
+@pytest.fixture(scope="session")
+def unstack() -> Learned:
+    return learn(Task.load("unstack"), cache=False)
+
+
+@pytest.fixture(scope="session")
+def load() -> Learned:
+    return learn(Task.load("load"), cache=False, max_complexity=3)
+
+
+@pytest.fixture(params=["unstack", "load"])
+def learned(request) -> Learned:
+    return request.getfixturevalue(request.param)
