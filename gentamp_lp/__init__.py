@@ -1,3 +1,31 @@
-"""Generalized task and motion planning with logic programming."""
+"""Generalized task and motion planning with logic programming.
+
+>>> from gentamp_lp import Task, learn, solve
+>>> task = Task.load("unstack")
+>>> learned = learn(task)                                    # doctest: +SKIP
+>>> print(learned.policy.text())                             # doctest: +SKIP
+>>> result = solve(task, 16, seed=1, policy=learned.policy)  # doctest: +SKIP
+>>> result.valid, len(result.plan.steps)                     # doctest: +SKIP
+(True, 22)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gentamp_lp.learning import learn
+    from gentamp_lp.planning import solve
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.task import Task
 
 __version__ = "0.1.0"
+__all__ = ["Policy", "Task", "learn", "solve"]
+
+_HOMES = {"Policy": "policy", "Task": "task", "learn": "learning", "solve": "planning"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the parts on first use: `gentamp-lp --help` should not load a physics engine."""
+    if name in _HOMES:
+        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -60,8 +60,7 @@ def synthesize_policy(
     limited by a number of conflicts.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
-    before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal` False
-    and a lower `bound`.
+    before any answer; an answer not proved optimal in time comes back with `optimal` False and a lower `bound`.
     """
     if fairness not in FAIRNESS:
         raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(FAIRNESS)}")

@@ -126,17 +126,14 @@ class Program:
         return {"choices": int(solvers["choices"]), "conflicts": int(solvers["conflicts"]), **counts}
 
     def _wait(self, handle: clingo.SolveHandle, deadline: float | None, outcome: Outcome) -> None:
+        """Wait for the search to end; cancel it at the deadline, and when Ctrl-C ends the wait."""
+        done = False
         try:
-            while not handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0))):
-                if deadline is not None and time.monotonic() >= deadline:
-                    outcome.interrupted = True
-                    break
-        except KeyboardInterrupt:
-            outcome.interrupted = True
-            if not outcome.answers:
-                raise
+            while not done and not outcome.interrupted:
+                done = handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0)))
+                outcome.interrupted = not done and deadline is not None and time.monotonic() >= deadline
         finally:
-            if outcome.interrupted:
+            if not done:
                 handle.cancel()
 
     def _literal(self, atom: Atom) -> int:

@@ -66,7 +66,7 @@ class _Progress:
 
     def __call__(self, text: str) -> None:
         if not self.quiet:
-            messages.print(f"[dim]·[/dim] {text}", markup=True)
+            messages.print(f"· {text}", markup=False, soft_wrap=True, style="dim")
 
 
 def _print_json(document: dict[str, Any]) -> None:
@@ -125,7 +125,7 @@ def learn(
     else:
         _say(learned.policy.text())
         _timing(learned.report())
-    messages.print(f"policy written to {folder}")
+    messages.print(f"policy written to {folder}", soft_wrap=True)
 
 
 def _timing(report: dict[str, Any]) -> None:
@@ -300,7 +300,7 @@ def check(
     if json_:
         _print_json({"files": [str(f) for f in files], "errors": [str(d) for d in found]})
     for diagnostic in found:
-        messages.print(str(diagnostic), markup=False)
+        messages.print(str(diagnostic), markup=False, soft_wrap=True)
     if found:
         raise typer.Exit(2)
     if not json_:
@@ -351,7 +351,7 @@ def main() -> None:
     try:
         app()
     except GentampError as error:
-        messages.print(str(error) if isinstance(error, InputError) else f"error: {error}", markup=False)
+        messages.print(str(error) if isinstance(error, InputError) else f"error: {error}", markup=False, soft_wrap=True)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         messages.print("interrupted")

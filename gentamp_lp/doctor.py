@@ -63,11 +63,11 @@ def _swipl() -> Finding:
 
 def _bridge() -> Finding:
     """Load the Prolog library in a process of its own: a broken one can end the process that tries."""
-    code = "from gentamp_lp.prolog import version; print(version())"
+    code = "from gentamp_lp.prolog import Prolog; print(Prolog().text('current_prolog_flag(version, V), write(V)'))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     last = (run.stdout if run.returncode == 0 else run.stderr).strip().splitlines()[-1:] or ["no answer"]
     remedy = "set LIBSWIPL_PATH and SWI_HOME_DIR to the library and home that `swipl --dump-runtime-variables` prints"
-    return Finding("libswipl through pyswip", run.returncode == 0, last[0], remedy)
+    return Finding("libswipl through pyswip", run.returncode == 0, last[0].strip(), remedy)
 
 
 def _packages() -> Iterator[Finding]:

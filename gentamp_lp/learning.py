@@ -18,13 +18,14 @@ from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.policy import Policy
-from gentamp_lp.pool import Pool, deepen, describe
+from gentamp_lp.pool import Pool, check_grammars, deepen, describe
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
+_ROLLOUT_TRIES = 3  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
 
 
@@ -123,6 +124,8 @@ def learn(
     `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an explanation
     when no policy exists over the pool, LimitReached when the limit ends without one.
     """
+    grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
+    check_grammars(grammars)  # before minutes of planning, not after
     clock = _Clock()
     deadline = time.monotonic() + time_limit
     with clock.stage("demonstrations"):
@@ -130,7 +133,6 @@ def learn(
             task, seed=seed, robot=robot, around=around, time_limit=time_limit, cache=cache, progress=progress
         )
     progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
-    grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
     highest = max_complexity or task.file.max_complexity
     notes: list[str] = []
     rounds = -1
@@ -247,7 +249,8 @@ def _roll_out(
     for index, size in enumerate(task.file.train):
         instance = task.instance(size, seed * 1000 + index, robot=robot)
         try:
-            GuidedPlanner(policy, instance).solve(time_limit=max(1.0, deadline - time.monotonic()))
+            left = max(1.0, deadline - time.monotonic())
+            GuidedPlanner(policy, instance).solve(time_limit=left, max_rounds=_ROLLOUT_TRIES)
         except DeadEnd as end:
             failures.append(f"{task.name}-{size}: {end}")
             progress(f"roll-out failed on {failures[-1]}")

@@ -1,48 +1,19 @@
-"""The values a user of the engine writes: problems, actions, and wrappers for Python samplers.
+"""Wrappers that make streams of Python functions.
 
-Names and meaning follow PDDLStream (Garrett, Lozano-Pérez, Kaelbling: PDDLStream, ICAPS 2020), so that a
-problem written for it runs here after changing its imports.
+Names and meaning follow PDDLStream (Garrett, Lozano-Pérez, Kaelbling, ICAPS 2020), so that samplers written for it
+can be used here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 Outputs = tuple[Any, ...]
 #: A stream's Python side: called on input values, it yields tuples of output values. An empty tuple is a
 #: success without outputs for a test, and a failed attempt for a generator; None entries are failed attempts.
 Generator = Callable[..., Iterable[Outputs]]
-
-
-class PDDLProblem(NamedTuple):
-    """A problem: two PDDL texts, values for constants and streams, initial facts and a goal.
-
-    `init` and `goal` are tuples such as `("AtPose", block, pose)`; arguments may be any Python values.
-    """
-
-    domain_pddl: str
-    constant_map: Mapping[str, Any]
-    stream_pddl: str
-    stream_map: Mapping[str, Generator]
-    init: Sequence[tuple[Any, ...]]
-    goal: Any
-
-
-class Action(NamedTuple):
-    """One step of a plan."""
-
-    name: str
-    args: tuple[Any, ...]
-
-
-class Solution(NamedTuple):
-    """What `solve` returns: the plan (None when there is none), its length, and the facts it rests on."""
-
-    plan: list[Action] | None
-    cost: float
-    certificate: list[tuple[Any, ...]]
 
 
 @dataclass(frozen=True)
