@@ -35,6 +35,7 @@ class Solution:
     bound: int
     optimal: bool
     chosen: tuple[int, ...]
+    by_user: bool = field(compare=False)  # Ctrl-C ended the search
     seconds: dict[str, float] = field(compare=False)
     statistics: dict[str, int] = field(compare=False)
 
@@ -60,7 +61,8 @@ def synthesize_policy(
     limited by a number of conflicts.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
-    before any answer; an answer not proved optimal in time comes back with `optimal` False and a lower `bound`.
+    before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal`
+    False and a lower `bound`.
     """
     if fairness not in FAIRNESS:
         raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(FAIRNESS)}")
@@ -111,6 +113,7 @@ def synthesize_policy(
         bound=best.cost[0] if optimal else bound,
         optimal=optimal,
         chosen=chosen,
+        by_user=outcome.by_user,
         seconds={"theory": prepared, "solving": solved - prepared},
         statistics={
             "pool_classes": theory.features.bit_count(),

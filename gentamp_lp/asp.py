@@ -48,6 +48,7 @@ class Outcome:
     answers: list[Answer] = field(default_factory=list)
     complete: bool = False
     interrupted: bool = False
+    by_user: bool = False  # interrupted by Ctrl-C
     bound: tuple[int, ...] = ()
     core: tuple[Atom, ...] = ()
 
@@ -126,12 +127,16 @@ class Program:
         return {"choices": int(solvers["choices"]), "conflicts": int(solvers["conflicts"]), **counts}
 
     def _wait(self, handle: clingo.SolveHandle, deadline: float | None, outcome: Outcome) -> None:
-        """Wait for the search to end; cancel it at the deadline, and when Ctrl-C ends the wait."""
+        """Wait for the search to end; cancel it at the deadline, or at Ctrl-C, which keeps what was found."""
         done = False
         try:
             while not done and not outcome.interrupted:
                 done = handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0)))
                 outcome.interrupted = not done and deadline is not None and time.monotonic() >= deadline
+        except KeyboardInterrupt:
+            outcome.interrupted = outcome.by_user = True
+            if not outcome.answers:
+                raise
         finally:
             if not done:
                 handle.cancel()

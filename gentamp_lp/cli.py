@@ -126,6 +126,9 @@ def learn(
         _say(learned.policy.text())
         _timing(learned.report())
     messages.print(f"policy written to {folder}", soft_wrap=True)
+    if learned.interrupted:
+        messages.print("interrupted: this is the best policy found so far")
+        raise typer.Exit(130)
 
 
 def _timing(report: dict[str, Any]) -> None:

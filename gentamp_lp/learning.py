@@ -42,6 +42,7 @@ class Learned:
     proved: int  # no abstraction with features up to this complexity is cheaper
     rounds: int
     seconds: dict[str, float]
+    interrupted: bool = False
     domain_pddl: str = ""
     stream_pddl: str = ""
     notes: list[str] = field(default_factory=list)
@@ -139,6 +140,9 @@ def learn(
     while True:
         rounds += 1
         learned = _choose(task, data, grammars, highest, fairness, seed, deadline, clock, progress)
+        if learned.interrupted:
+            notes.append("interrupted: the policy is the best found so far and was not rolled out")
+            break
         with clock.stage("rollouts"):
             failures = _roll_out(learned.policy, task, seed, robot, data, deadline, around, progress)
         if not failures:
@@ -170,6 +174,7 @@ def _choose(
     """Deepen the pool level by level while a deeper feature could still give a cheaper abstraction."""
     best: tuple[Pool, Solution, int, str] | None = None
     failure: NoAnswer | None = None
+    interrupted = False
     proved = 0  # no abstraction with features up to this complexity is cheaper than the best
     levels = range(min(FIRST_LEVEL, highest), highest + 1)
     pools = deepen(data.pool_facts(), costs=levels, grammars=grammars, time_limit=deadline - time.monotonic())
@@ -200,6 +205,11 @@ def _choose(
             clock.seconds["solving"] += time.perf_counter() - start
             progress(f"complexity {level}: {error}")
             proved = level
+        except KeyboardInterrupt:
+            if best is None:
+                raise
+            interrupted = True
+            break
         except LimitReached as error:
             if best is None:
                 raise
@@ -209,6 +219,7 @@ def _choose(
         else:
             for stage in ("theory", "solving"):
                 clock.seconds[stage] += solution.seconds[stage]
+            interrupted = solution.by_user
             if best is None or solution.optimal:
                 best = (pool, solution, level, facts)
             if not solution.optimal:
@@ -231,7 +242,7 @@ def _choose(
             variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
             extra={"sorts": data.predicates},
         )
-    return Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds)
+    return Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds, interrupted)
 
 
 def _roll_out(

@@ -32,7 +32,7 @@ class Plan:
     def of(cls, instance: Instance, steps: Sequence[Step]) -> Plan:
         """Collect what a plan needs from the instance it was found in."""
         base, code = instance.base, instance.task.folder.code
-        used = list(dict.fromkeys(a for s in steps for a in s.args if a in base.made_by))
+        used = _by_dependency([a for s in steps for a in s.args], instance)
         names = {id(value): name for name, value in base.values.items()}
         known = set(instance.world.values) | set(used)
         facts = [
@@ -41,7 +41,7 @@ class Plan:
             for row in base.relation(predicate).rows
             if set(row) <= known and set(row) & set(used)
         ]
-        entities = {name: code.encode(base.values[name], names) for name in _by_dependency(used, instance)}
+        entities = {name: code.encode(base.values[name], names) for name in used}
         return cls(
             instance.task.reference,
             instance.size,
@@ -79,7 +79,7 @@ class Plan:
             return cls(
                 str(data["task"]),
                 str(data["size"]),
-                int(data["seed"]),
+                _seed(data["seed"]),
                 str(data["robot"]),
                 tuple(Step(str(s["action"]), tuple(map(str, s["args"]))) for s in data["steps"]),
                 dict(data["entities"]),
@@ -94,16 +94,25 @@ class Plan:
             raise InputError(Diagnostic(f"not a plan file: {error!r}", path, hint=hint)) from None
 
 
+def _seed(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise ValueError(f"a seed is a whole number from 0, not {value!r}")
+    return value
+
+
 def _by_dependency(used: list[str], instance: Instance) -> list[str]:
-    """Entities after the ones their streams took as inputs."""
+    """Sampled entities after the ones their streams took as inputs, beside the ones made by the same call."""
     made = instance.base.made_by
+    together: dict[object, list[str]] = {}
+    for name, call in made.items():
+        together.setdefault(call, []).append(name)
     ordered: dict[str, None] = {}
 
     def visit(name: str) -> None:
         if name in made and name not in ordered:
             for other in made[name][1]:
                 visit(other)
-            ordered[name] = None
+            ordered.update(dict.fromkeys(together[made[name]]))
 
     for name in used:
         visit(name)

@@ -149,12 +149,16 @@ def test_an_impossible_request_gives_exit_code_1(workplace):
     assert done.returncode == 1 and "ask for fewer" in done.stderr
 
 
-def test_interrupting_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize("seconds", [0.7, 2.5])
+def test_interrupting_leaves_nothing_half_written(tmp_path, seconds):
+    """Ctrl-C gives exit code 130 and either nothing or a whole bundle, when a policy had been found by then."""
     command = [sys.executable, "-m", "gentamp_lp", "learn", "load", "--no-cache"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    time.sleep(3)
+    time.sleep(seconds)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "Traceback" not in errors
-    assert not list(tmp_path.iterdir())
+    if list(tmp_path.iterdir()):
+        assert [path.name for path in (tmp_path / "runs").iterdir()] == ["load"]
+        assert run("validate", "runs/load", cwd=tmp_path).returncode == 0

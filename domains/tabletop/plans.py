@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,15 @@ from PIL import Image
 
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
-from gentamp_lp.geometry.replay import TABLE, Replay, State
-from gentamp_lp.geometry.robots import Trajectory
-from gentamp_lp.geometry.transforms import Array
+from gentamp_lp.geometry.replay import POSITION, TABLE, Replay, State
+from gentamp_lp.geometry.robots import STANDOFF, Trajectory
+from gentamp_lp.geometry.transforms import Array, difference
 
 from .samplers import Reach
 from .scene import Placement, World
 
 Step = tuple[str, Sequence[str]]
+_FINE, _TURN, _MOST = 0.01, 0.1, 100  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
 
 
 def encode(value: Any, names: Mapping[int, str]) -> dict[str, Any]:
@@ -52,14 +54,18 @@ def decode(data: Mapping[str, Any], world: World, values: Mapping[str, Any]) -> 
     match data["sort"]:
         case "placement":
             base = values[data["base"]] if data["base"] is not None else None
+            if data["frame"] != "world" and data["frame"] not in world.cells:
+                raise ValueError(f"`{data['frame']}` is no tray to place things in")
             return Placement(data["frame"], _matrix(data["transform"]), base)
         case "grasp":
-            return Grasp(_matrix(data["tool"]), float(data["opening"]))
+            return Grasp(_matrix(data["tool"]), _opening(data["opening"]))
         case "reach":
             placement, place, grasp = (values[data[key]] for key in ("placement", "place", "grasp"))
+            if not (isinstance(placement, Placement) and isinstance(place, Placement) and isinstance(grasp, Grasp)):
+                raise ValueError("a reach refers to two placements and a grasp")
             moving = placement.frame != "world"
             target = place.transform @ placement.transform if moving else placement.transform
-            trajectory = Trajectory(np.array(data["configurations"], dtype=np.float64), float(data["opening"]))
+            trajectory = Trajectory(_path(data["configurations"], world), _opening(data["opening"]))
             name = data["object"]
             return Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory)
     raise ValueError(f"unknown sort `{data['sort']}`")
@@ -69,11 +75,60 @@ def _matrix(rows: Any) -> Array:
     matrix = np.array(rows, dtype=np.float64)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise ValueError("a pose is a 4x4 matrix of finite numbers")
+    turn = matrix[:3, :3]
+    rigid = np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
+    if not rigid or not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
+        raise ValueError("a pose only turns and shifts")
     return matrix
+
+
+def _path(rows: Any, world: World) -> Array:
+    path = np.array(rows, dtype=np.float64)
+    if path.ndim != 2 or len(path) < 2 or path.shape[1:] != world.robot.home.shape or not np.isfinite(path).all():
+        raise ValueError(f"a trajectory is rows of {len(world.robot.home)} finite numbers, two or more")
+    return path
+
+
+def _opening(value: Any) -> float:
+    if not 0.0 <= float(value) < np.inf:
+        raise ValueError("an opening is a distance in metres")
+    return float(value)
 
 
 def _support(world: World, name: str) -> str:
     return TABLE if name in world.supports else name
+
+
+def check_facts(world: World, facts: Sequence[Sequence[str]], values: Mapping[str, Any]) -> list[str]:
+    """Compare what a plan claims about sampled values with the values; returns what is wrong."""
+    problems = []
+    for predicate, *args in facts:
+        claim, given = f"{predicate}({', '.join(args)})", [values[name] for name in args]
+        match predicate, given:
+            case "pose", [_, Placement() as placement, support]:
+                if placement.frame != (support if support in world.cells else "world") or placement.base is not None:
+                    problems.append(f"{claim}: the placement is not relative to {support}")
+                elif support in world.supports and not _inside(world, support, placement):
+                    problems.append(f"{claim}: the placement is not on {support}")
+            case ("stand", [_, Placement()]) | ("grasp", [_, Grasp()]) | ("traj", [Reach()]):
+                pass
+            case "reach", [name, placement, place, grasp, Reach() as reach]:
+                stated = reach.placement, reach.support_place, reach.grasp
+                if reach.name != name or any(a is not b for a, b in zip(stated, (placement, place, grasp), strict=True)):
+                    problems.append(f"{claim}: the reach is for another object, placement or grasp")
+                elif abs(reach.trajectory.opening - grasp.opening) > 1e-6:
+                    problems.append(f"{claim}: the fingers are not as far apart as the grasp says")
+                elif difference(*world.robot.tools(reach.trajectory.configurations[[0, -1]]))[0] < STANDOFF - POSITION:
+                    problems.append(f"{claim}: the approach is shorter than {STANDOFF} m")
+            case _:
+                problems.append(f"{claim}: a value is not of the right sort")
+    return problems
+
+
+def _inside(world: World, support: str, placement: Placement) -> bool:
+    (x0, x1), (y0, y1) = world.supports[support].area.x, world.supports[support].area.y
+    x, y = placement.transform[:2, 3]
+    return bool(x0 - POSITION <= x <= x1 + POSITION and y0 - POSITION <= y <= y1 + POSITION)
 
 
 def check_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -> list[str]:
@@ -91,16 +146,26 @@ def _replay(
         if watch is not None:
             watch(replay.state())
         for action, (name, where, support, _, grasp, reach) in steps:
-            path: Reach = values[reach]
+            path = values[reach].trajectory if watch else _dense(world, values[reach].trajectory)
             if action == "pick":
-                replay.pick(name, path.trajectory, values[grasp])
+                replay.pick(name, path, values[grasp])
                 continue
             placement: Placement = values[where]
             target = placement.transform
             if placement.frame != "world":
                 target = replay.pose(placement.frame) @ target
-            replay.place(name, path.trajectory, _support(world, support), target)
+            replay.place(name, path, _support(world, support), target)
         return list(replay.violations)
+
+
+def _dense(world: World, trajectory: Trajectory) -> Trajectory:
+    """The trajectory with configurations in between, so that nothing is jumped over."""
+    path = [trajectory.configurations[0]]
+    for after in trajectory.configurations[1:]:
+        tools = world.robot.tools(np.array([path[-1], after]))
+        pieces = max(difference(*tools)[0] / _FINE, float(np.abs(after - path[-1]).max()) / _TURN)
+        path += [*world.robot.between(path[-1], after, min(math.ceil(pieces) - 1, _MOST)), after]
+    return Trajectory(np.array(path), trajectory.opening)
 
 
 def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], path: Path) -> None:
