@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gentamp_lp import __version__
-from gentamp_lp.errors import Diagnostic, GentampError, InputError
+from gentamp_lp.errors import Diagnostic, GentampError, InputError, NoAnswer
 
 app = typer.Typer(
     name="gentamp-lp",
@@ -297,9 +297,12 @@ def check(
             elif file.suffix == ".lp":
                 check_grammars([file])
             else:
-                Task.load(file, trust=trust)
+                loaded = Task.load(file, trust=trust)
+                loaded.instance(loaded.file.train[0], seed=0)  # the scene can be drawn, the samplers fit the streams
         except InputError as error:
             found += error.diagnostics
+        except NoAnswer as error:
+            found.append(Diagnostic(str(error), file))
     if json_:
         _print_json({"files": [str(f) for f in files], "errors": [str(d) for d in found]})
     for diagnostic in found:

@@ -7,11 +7,15 @@ Prolog and clingo both read.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import re
+from collections.abc import Collection, Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from gentamp_lp.prolog import quote
 from gentamp_lp.streams.facts import Fact
+
+_PLAIN = re.compile(r"[a-z]\w*")
 
 
 @dataclass
@@ -61,14 +65,14 @@ class Dataset:
         """The facts from which Prolog builds the feature pool."""
         lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]
         for name, sorts in self.predicates.items():
-            lines.append(f"predicate({name}, [{', '.join(sorts)}]).")
-            lines.append(f'display({name}, "{self.display[name]}").')
-        lines += [f"owner({name}, {sort}, {position})." for name, sort, position in self.owners]
-        lines += [f"at_most_one({name})." for name in self.at_most_one]
+            lines.append(f"predicate({_name(name)}, [{', '.join(sorts)}]).")
+            lines.append(f'display({_name(name)}, "{self.display[name]}").')
+        lines += [f"owner({_name(name)}, {sort}, {position})." for name, sort, position in self.owners]
+        lines += [f"at_most_one({_name(name)})." for name in self.at_most_one]
         for number, problem in enumerate(self.problems):
             lines.append(f"problem({number}).")
             for sort, names in problem.entities.items():
-                lines += [f"entity({number}, {sort}, {name})." for name in names]
+                lines += [f"entity({number}, {sort}, {_name(name)})." for name in names]
             lines += [f"static({number}, {_term(fact)})." for fact in problem.static]
         for number, state in enumerate(self.states):
             lines.append(f"state({number}, {state.problem}).")
@@ -86,20 +90,22 @@ class Dataset:
             if state.initial:
                 lines.append(f"initial({number}).")
         for number, t in enumerate(self.transitions):
-            lines.append(f"transition({number},{t.source},{t.target}). action({number},{t.action}).")
+            lines.append(f'transition({number},{t.source},{t.target}). action({number},"{t.action}").')
             if t.demonstrated:
                 lines.append(f"candidate({number}).")
         return "\n".join(lines) + "\n"
 
-    def describe(self, state: int) -> str:
-        """A state in words, for explanations."""
-        seen = self.states[state]
-        problem = self.problems[seen.problem]
-        facts = ", ".join(
-            f"{self.display[f[0]]}({', '.join(f[1:])})" for f in seen.facts if not f[0].startswith("sort-")
-        )
-        kind = "goal " if seen.goal else ""
-        return f"{kind}state {state} of size {problem.size}, seed {problem.seed}: {facts}"
+    def describe(self, number: int, predicates: Collection[str]) -> str:
+        """What `predicates` say of a state, for explanations."""
+        state = self.states[number]
+        problem = self.problems[state.problem]
+        facts = [
+            f"{self.display[name]}({', '.join(args)})" if args else self.display[name]
+            for name, *args in state.facts
+            if name in predicates
+        ]
+        kind = "goal state" if state.goal else "state"
+        return f"{kind} {number} (size {problem.size}, seed {problem.seed}): {', '.join(facts)}"
 
     def to_json(self) -> str:
         """The dataset as JSON text."""
@@ -121,4 +127,10 @@ class Dataset:
 
 
 def _term(fact: Fact) -> str:
-    return f"{fact[0]}({','.join(fact[1:])})" if len(fact) > 1 else fact[0]
+    name, *args = map(_name, fact)
+    return f"{name}({','.join(args)})" if args else name
+
+
+def _name(name: str) -> str:
+    """A name as a Prolog atom: PDDL allows hyphens and the like."""
+    return name if _PLAIN.fullmatch(name) else quote(name)

@@ -13,6 +13,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import platformdirs
@@ -41,6 +42,14 @@ Progress = Callable[[str], None]
 def canonical(program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]) -> list[Step]:
     """The plan without dispensable steps, in canonical order (see the module's text)."""
     steps = _without_detours(program, base, state, goal, list(plan))
+    while True:
+        ordered = _in_order(program, base, state, goal, steps)
+        steps = _without_detours(program, base, state, goal, ordered)  # a new order may make steps dispensable
+        if len(steps) == len(ordered):
+            return ordered
+
+
+def _in_order(program: Program, base: FactBase, state: State, goal: Formula, steps: list[Step]) -> list[Step]:
     rank = {schema.name: index for index, schema in enumerate(program.domain.actions)}
     ordered: list[Step] = []
     while steps:
@@ -193,7 +202,8 @@ def demonstrate(
     for instance, plan in zip(instances, plans, strict=True):
         recorder.record(instance, plan)
     if cache:
-        _write(file, gzip.compress(recorder.data.to_json().encode(), 6, mtime=0))
+        with suppress(OSError):  # the cache saves time, nothing depends on it
+            _write(file, gzip.compress(recorder.data.to_json().encode(), 6, mtime=0))
     return recorder.data
 
 

@@ -16,7 +16,6 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     Or,
-    conjuncts,
     imply,
     normalize,
     substitute,
@@ -30,9 +29,15 @@ def to_formula(term: str, name: str = "f") -> tuple[Formula, list[Axiom]]:
 
     Quantifiers range over the entities of their sort; the guard is left out where the body implies it. Each
     `closure(U,W,Sort,F,Y,X)` becomes a recursive axiom, named after `name`, that is returned beside the formula.
+    Raises ValueError for anything else.
     """
     reader = _Reader(name)
+    if not term or term.count("(") != term.count(")"):
+        raise ValueError(f"not a formula: {term}")
     return reader.read(parse_term(term)), reader.axioms
+
+
+_CONNECTIVES = {"neg", "conj", "disj", "implies", "some", "every", "closure", "true"}
 
 
 class _Reader:
@@ -63,6 +68,8 @@ class _Reader:
                 return self._closure(f"?{parts[0][0]}", f"?{parts[1][0]}", parts[3], parts[4][0], parts[5][0])
             case "true", 0:
                 return And(())
+        if name in _CONNECTIVES or any(inner for _, inner in parts):
+            raise ValueError(f"not a formula: {name} with {len(parts)} part(s)")
         return Atom(name, tuple(f"?{part[0]}" for part in parts))
 
     def _closure(self, first: str, last: str, step: Term, start: str, end: str) -> Formula:
@@ -76,7 +83,20 @@ class _Reader:
 
 def _guarded(formula: Formula, variable: str) -> bool:
     """Whether the formula can only be true of entities that fill some predicate's argument."""
-    return any(isinstance(part, Atom) and variable in part.args for part in conjuncts(normalize(formula)))
+    return _fills(normalize(formula), variable)
+
+
+def _fills(formula: Formula, variable: str) -> bool:
+    match formula:
+        case Atom(predicate, args):
+            return predicate != "=" and variable in args
+        case And(parts):
+            return any(_fills(part, variable) for part in parts)
+        case Or(parts):
+            return bool(parts) and all(_fills(part, variable) for part in parts)
+        case Exists(_, body):  # normalized: binds other variables
+            return _fills(body, variable)
+    return False
 
 
 @dataclass(frozen=True)

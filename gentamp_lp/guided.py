@@ -139,6 +139,7 @@ class GuidedPlanner:
         self._round = 0
         self._deadline = 0.0
         self._values: dict[tuple[State, int], dict[str, int]] = {}
+        self._strays: dict[State, dict[str, int]] = {}  # state -> values of a refused successor without a rule
         read = {p for axiom in self.features.axioms for p in reads(axiom.body, self.program)}
         self._read = read | reads(instance.task.goal, self.program)
 
@@ -219,7 +220,11 @@ class GuidedPlanner:
         shown = ", ".join(f"{name}={value}" for name, value in values.items())
         if rule is None:
             return f"the policy has no rule for the abstract state {shown}"
-        return f"no concrete step carries out abstract action {rule.action} in the abstract state {shown}"
+        reason = f"no concrete step carries out abstract action {rule.action} in the abstract state {shown}"
+        if state in self._strays:
+            stray = ", ".join(f"{name}={value}" for name, value in self._strays[state].items())
+            reason += f" and stays where the policy has a rule: there is none for {stray}"
+        return reason
 
     def _expand(self, state: State) -> Iterator[tuple[Step, State, str]]:
         """Steps that carry out the policy's abstract action, lazily, each with its successor."""
@@ -251,5 +256,7 @@ class GuidedPlanner:
         before, after = self.values(state), self.values(successor)
         if not matches_effects(action.effects, self.kinds, before, after):
             return False
-        known = self.policy.rule_for(valuation(after)) is not None
-        return known or self._view(successor).holds(self.instance.task.goal)
+        if self.policy.rule_for(valuation(after)) or self._view(successor).holds(self.instance.task.goal):
+            return True
+        self._strays[state] = after
+        return False

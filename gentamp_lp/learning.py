@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import gentamp_lp
-from gentamp_lp.abstraction import Solution, synthesize_policy
+from gentamp_lp.abstraction import NoPolicy, Solution, synthesize_policy
 from gentamp_lp.compile import constrained_domain, to_text
 from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
@@ -25,6 +25,7 @@ from gentamp_lp.task import Instance, Task
 Progress = Callable[[str], None]
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
+_EXPLAINED = 6  # states shown when there is no policy
 _ROLLOUT_TRIES = 3  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
 
@@ -229,7 +230,7 @@ def _choose(
             proved = highest  # an abstraction with a deeper feature costs at least level + 1
             break
     if best is None:
-        raise failure or LimitReached("the time limit ended learning before a pool was searched")
+        raise _explained(failure, data, task)
     pool, solution, level, facts = best
     with clock.stage("policy"):
         parts = {f: split_formula(pool.formulas[f]) for f in solution.features}
@@ -243,6 +244,15 @@ def _choose(
             extra={"sorts": data.predicates},
         )
     return Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds, interrupted)
+
+
+def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception:
+    """The failure with the concrete states it speaks of."""
+    if not isinstance(failure, NoPolicy):
+        return failure or LimitReached("the time limit ended learning before a pool was searched")
+    states = [s for pair in failure.pairs for s in pair] or list(failure.states)
+    shown = list(dict.fromkeys(states))[:_EXPLAINED]
+    return NoAnswer("\n".join([str(failure), *(data.describe(s, task.folder.domain.fluents) for s in shown)]))
 
 
 def _roll_out(

@@ -82,9 +82,7 @@ def _unfounded(plan: Plan, instance: Instance) -> list[str]:
         for binding in view.solutions(And(stream.certified + stream.domain)):
             outputs = [binding[v] for v in stream.outputs if v in binding]
             needed = {binding[v] for v in stream.inputs} & position.keys()
-            if not all(
-                o in position and all(position[n] < position[o] for n in needed) for o in outputs
-            ):
+            if not all(o in position and all(position[n] < position[o] for n in needed) for o in outputs):
                 continue
             facts = frozenset((atom.predicate, *bind(atom, binding)) for atom in stream.certified)
             for output in outputs:

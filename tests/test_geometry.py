@@ -17,7 +17,7 @@ from gentamp_lp.geometry.collision import Swept, collide, convex, hits_table, pl
 from gentamp_lp.geometry.gripper import Gripper
 from gentamp_lp.geometry.render import MOVIE, Scene, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import TABLE, Replay
-from gentamp_lp.geometry.robots import Trajectory
+from gentamp_lp.geometry.robots import STEPS, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, to_trimesh, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose, quaternion, rotation
 
@@ -279,7 +279,7 @@ def test_a_film_has_no_gaps(gripper):
         replay.add("a", CUBE, start)
         replay.pick("a", reach(gripper, start, grasp), grasp)
         replay.place("a", reach(gripper, goal, grasp), TABLE, goal)
-    assert len(states) == 24 and states[-1].held is None
+    assert len(states) == 4 * (STEPS + 1) and states[-1].held is None
     whole = list(smooth(gripper, states, 0.05))
     tools = [gripper.tool(state.configuration) for state in whole]
     assert len(whole) > len(states)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
-from gentamp_lp.geometry.replay import POSITION, TABLE, Replay, State
+from gentamp_lp.geometry.replay import POSITION, STEP, TABLE, Replay, State
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.transforms import Array, difference
 
@@ -114,15 +114,29 @@ def check_facts(world: World, facts: Sequence[Sequence[str]], values: Mapping[st
                 pass
             case "reach", [name, placement, place, grasp, Reach() as reach]:
                 stated = reach.placement, reach.support_place, reach.grasp
-                if reach.name != name or any(a is not b for a, b in zip(stated, (placement, place, grasp), strict=True)):
+                if reach.name != name or any(
+                    a is not b for a, b in zip(stated, (placement, place, grasp), strict=True)
+                ):
                     problems.append(f"{claim}: the reach is for another object, placement or grasp")
                 elif abs(reach.trajectory.opening - grasp.opening) > 1e-6:
                     problems.append(f"{claim}: the fingers are not as far apart as the grasp says")
+                elif (jump := max(map(_distance, *_ends(world, reach.trajectory)))) > STEP:
+                    problems.append(f"{claim}: the tool jumps by {jump:.3f} m")
                 elif difference(*world.robot.tools(reach.trajectory.configurations[[0, -1]]))[0] < STANDOFF - POSITION:
                     problems.append(f"{claim}: the approach is shorter than {STANDOFF} m")
             case _:
                 problems.append(f"{claim}: a value is not of the right sort")
     return problems
+
+
+def _ends(world: World, trajectory: Trajectory) -> tuple[Array, Array]:
+    """The tool poses before and after each piece of a trajectory."""
+    tools = world.robot.tools(trajectory.configurations)
+    return tools[:-1], tools[1:]
+
+
+def _distance(first: Array, second: Array) -> float:
+    return difference(first, second)[0]
 
 
 def _inside(world: World, support: str, placement: Placement) -> bool:

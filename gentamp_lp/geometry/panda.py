@@ -41,7 +41,7 @@ POLISH_ITERATIONS = 12
 TOLERANCE = 1e-6
 """Largest residual (m and rad together) of a solution."""
 
-MAX_STEP = 0.35
+MAX_STEP = 0.2
 """Largest change (rad) of a joint in one step of an approach; more is a jump between branches."""
 
 NAMES = (*(f"link{i}" for i in range(8)), "hand", "left_finger", "right_finger")

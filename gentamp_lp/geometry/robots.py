@@ -21,8 +21,8 @@ __all__ = ["STANDOFF", "STEPS", "Approach", "Body", "Grasp", "Link", "Robot", "T
 STANDOFF = 0.10
 """Length (m) of the straight approach."""
 
-STEPS = 5
-"""Steps of an approach; each is `STANDOFF / STEPS` = 2 cm long."""
+STEPS = 10
+"""Steps of an approach; each is `STANDOFF / STEPS` = 1 cm long, short enough for straight lines between configurations."""
 
 
 @dataclass(frozen=True, eq=False)

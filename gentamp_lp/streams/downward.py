@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
@@ -172,7 +172,8 @@ def write_problem(program: Program, base: FactBase, state: State, goal: Formula)
         )
     lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base)})" for a in axioms]
     domain_text = "\n".join([*lines, ")"])
-    facts = list(_facts(base, declared)) + sorted(state)
+    given = [name for name in declared if name not in program.axioms]  # what axioms derive may not be stated
+    facts = list(_facts(base, given)) + sorted(state)
     names = dict.fromkeys(a for f in facts for a in f[1:])
     names.update(dict.fromkeys(a for atom in atoms(goal) for a in atom.args if not a.startswith("?")))
     problem = [
@@ -186,7 +187,7 @@ def write_problem(program: Program, base: FactBase, state: State, goal: Formula)
     return domain_text, "\n".join(problem)
 
 
-def _facts(base: FactBase, declared: dict[str, int]) -> Iterator[tuple[str, ...]]:
+def _facts(base: FactBase, declared: Iterable[str]) -> Iterator[tuple[str, ...]]:
     for name in declared:
         if name.startswith("no-") and name[3:] in base.tests:
             yield from ((name, *args) for args in base.refuted(name[3:]))

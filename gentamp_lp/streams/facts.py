@@ -132,18 +132,18 @@ class FactBase:
             return False
         fact = (predicate, *args)
         if fact not in self._truth:
-            self._truth[fact] = self._run_test(stream, predicate, args)
+            pattern = next(atom.args for atom in stream.certified if atom.predicate == predicate)
+            binding = match(pattern, args, {})
+            if binding is None or not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+                return False  # not remembered: another stream may certify the conditions later
+            self._truth[fact] = self._run_test(stream, binding)
         return self._truth[fact]
 
     def refuted(self, predicate: str) -> Iterator[Args]:
         """Arguments on which a test predicate was tried and found false."""
         return (fact[1:] for fact, true in self._truth.items() if not true and fact[0] == predicate)
 
-    def _run_test(self, stream: Stream, predicate: str, args: Args) -> bool:
-        pattern = next(atom.args for atom in stream.certified if atom.predicate == predicate)
-        binding = dict(zip(pattern, args, strict=True))
-        if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
-            return False
+    def _run_test(self, stream: Stream, binding: Mapping[str, str]) -> bool:
         statistics = self.statistics[stream.name]
         start = time.perf_counter()
         row = next(iter(self.generators[stream.name](*(self.values[binding[v]] for v in stream.inputs))), None)
@@ -161,9 +161,12 @@ class FactBase:
         bindings: list[dict[str, str]] = [{}]
         for atom in stream.domain:
             bindings = [
-                {**binding, **dict(zip(atom.args, row, strict=True))}
+                extended
                 for binding in bindings
-                for row in self.relation(atom.predicate).matches(tuple(binding.get(a) for a in atom.args))
+                for row in self.relation(atom.predicate).matches(
+                    tuple(binding.get(a) if a.startswith("?") else a for a in atom.args)
+                )
+                if (extended := match(atom.args, row, binding)) is not None
             ]
         return list(dict.fromkeys(tuple(b[v] for v in stream.inputs) for b in bindings))
 
@@ -227,6 +230,15 @@ class FactBase:
 def sort_predicate(sort: str) -> str:
     """The predicate that is true of the entities of a sort."""
     return f"sort-{sort}"
+
+
+def match(pattern: Args, row: Args, binding: Mapping[str, str]) -> dict[str, str] | None:
+    """The binding extended so that the pattern becomes the row; None when they differ."""
+    extended = dict(binding)
+    for arg, value in zip(pattern, row, strict=True):
+        if (extended.setdefault(arg, value) if arg.startswith("?") else arg) != value:
+            return None
+    return extended
 
 
 def bind(atom: Atom, binding: Mapping[str, str]) -> Args:

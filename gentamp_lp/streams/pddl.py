@@ -6,6 +6,7 @@ quantified effects, derived predicates, constants; streams and test streams. Eve
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -422,7 +423,8 @@ def infer_sorts(
         for index in range(predicate.arity):
             root = find((predicate.name, index))
             if root not in names:
-                base = label.get((predicate.name, index), predicate.name)
+                base = re.sub(r"\W", "_", label.get((predicate.name, index), predicate.name))
+                base = base if base[:1].islower() else f"s{base}"  # an atom of Prolog and ASP
                 taken = set(names.values())
                 names[root] = next(n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken)
             row.append(names[root])

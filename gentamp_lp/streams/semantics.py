@@ -15,7 +15,7 @@ from typing import NamedTuple
 import networkx as nx
 
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, match
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -50,7 +50,7 @@ class Program:
 
     domain: Domain
     axioms: Mapping[str, tuple[Axiom, ...]]
-    recursive: frozenset[str]
+    recursive: Mapping[str, frozenset[str]]  # derived predicate that needs itself -> all that need it and it needs
     basis: Mapping[str, frozenset[str]]  # derived predicate -> basic predicates its truth depends on
     preconditions: Mapping[str, Formula]
 
@@ -65,12 +65,12 @@ class Program:
             for predicate, negative in _polarity(body):
                 weak = graph.get_edge_data(axiom.head.predicate, predicate, {}).get("negative", False)
                 graph.add_edge(axiom.head.predicate, predicate, negative=negative or weak)
-        recursive = set()
+        recursive: dict[str, frozenset[str]] = {}
         for component in nx.strongly_connected_components(graph):
             inner = graph.subgraph(component)
             if inner.number_of_edges() == 0:
                 continue
-            recursive |= component
+            recursive.update(dict.fromkeys(component, frozenset(component)))
             for head, _, negative in inner.edges(data="negative"):
                 if negative:
                     line = table[head][0].line
@@ -82,7 +82,7 @@ class Program:
             head: frozenset(nx.descendants(graph, head)) - table.keys() if head in graph else frozenset()
             for head in table
         }
-        return cls(domain, {k: tuple(v) for k, v in table.items()}, frozenset(recursive), basis, preconditions)
+        return cls(domain, {k: tuple(v) for k, v in table.items()}, recursive, basis, preconditions)
 
 
 def _polarity(formula: Formula, negative: bool = False) -> Iterator[tuple[str, bool]]:
@@ -168,7 +168,7 @@ class View:
                         yield from self._solve([goal, *rest], found)
                     return
                 for row in self.rows(predicate, bound):
-                    extended = _match(args, row, binding)
+                    extended = match(args, row, binding)
                     if extended is not None:
                         yield from self._solve(rest, extended)
             case Not(body):
@@ -270,7 +270,7 @@ class View:
             for row in self._derive(predicate, everything):
                 relation.add(row)
             return relation
-        component = self.program.recursive
+        component = self.program.recursive[predicate]
         for name in component:
             self._extensions.setdefault(name, Relation())
         growing = True
@@ -281,14 +281,6 @@ class View:
                 for row in list(self._derive(name, arity)):
                     growing |= self._extensions[name].add(row)
         return relation
-
-
-def _match(args: Args, row: Args, binding: dict[str, str]) -> dict[str, str] | None:
-    extended = dict(binding)
-    for arg, value in zip(args, row, strict=True):
-        if arg.startswith("?") and extended.setdefault(arg, value) != value:
-            return None
-    return extended
 
 
 def applicable(view: View) -> Iterator[Step]:

@@ -1,0 +1,212 @@
+"""Fast Downward as a subprocess: its answers, its failures, and that nothing stays behind."""
+
+import os
+import random
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gentamp_lp.errors import LimitReached, SolverError
+from gentamp_lp.streams import downward
+from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.pddl import parse_domain, parse_formula
+from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
+
+GRID = """(define (domain grid)
+  (:predicates (Next ?x ?y) (Gate ?x) (At ?x) (Open ?x) (Dark) (Stuck) (Far ?x ?y))
+  (:action go :parameters (?x ?y)
+    :precondition (and (At ?x) (Next ?x ?y) (or (not (Gate ?y)) (Open ?y)))
+    :effect (and (At ?y) (not (At ?x)) (when (Gate ?y) (Dark))))
+  (:action open :parameters (?x)
+    :precondition (and (not (Stuck)) (exists (?y) (and (At ?y) (Next ?y ?x))) (Gate ?x))
+    :effect (and (Open ?x) (forall (?z) (when (and (Gate ?z) (not (= ?z ?x))) (not (Open ?z))))))
+  (:derived (Far ?x ?y) (or (Next ?x ?y) (exists (?z) (and (Next ?x ?z) (Far ?z ?y)))))
+  (:derived (Stuck) (and (Dark) (forall (?x) (imply (At ?x) (not (exists (?y) (and (Far ?x ?y) (Gate ?y)))))))))"""
+
+
+def problem(seed: int) -> tuple[Program, FactBase, State]:
+    rng = random.Random(seed)
+    names = [f"c{i}" for i in range(6)]
+    domain = parse_domain(GRID)
+    base = FactBase(domain, (), {}, dict.fromkeys(names))
+    for x in names:
+        for y in rng.sample(names, 2):
+            base.add(("next", x, y))
+    for x in rng.sample(names[1:], 2):
+        base.add(("gate", x))
+    return Program.of(domain), base, frozenset([("at", "c0")])
+
+
+def shortest(program: Program, base: FactBase, state: State, goal: object) -> int | None:
+    """Breadth-first search with our own semantics."""
+    layer, seen, depth = [state], {state}, 0
+    while layer:
+        if any(View(program, base, s).holds(goal) for s in layer):  # type: ignore[arg-type]
+            return depth
+        following = []
+        for s in layer:
+            view = View(program, base, s)
+            for step in applicable(view):
+                after = apply(view, step)
+                if after not in seen:
+                    seen.add(after)
+                    following.append(after)
+        layer, depth = following, depth + 1
+    return None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_is_found_exactly_when_there_is_one(seed: int) -> None:
+    """Conditional and quantified effects, recursive axioms under negation, disjunctions: both sides mean the same."""
+    program, base, state = problem(seed)
+    for text in ("(and (At c5) (not (Dark)))", "(and (Dark) (Open c3))", "(Stuck)"):
+        constants = tuple(base.values)
+        goal = parse_formula(text, program.domain, constants)
+        plan = downward.search(program, base, state, goal, time_limit=20)
+        length = shortest(program, base, state, goal)
+        assert (plan is None) == (length is None), text
+        if plan is not None and length is not None:
+            assert len(plan) >= length
+            current = state
+            for step in plan:
+                view = View(program, base, current)
+                assert step in set(applicable(view))
+                current = apply(view, step)
+            assert View(program, base, current).holds(goal)
+
+
+def easy() -> tuple[Program, FactBase, State, object]:
+    program, base, state = problem(0)
+    row = base.relation("next").matches(("c0", None))[0]
+    return program, base, state, parse_formula(f"(or (At {row[1]}) (Open {row[1]}))", program.domain, [row[1]])
+
+
+def run(**options: float) -> list[Step] | None:
+    return downward.search(*easy(), **{"time_limit": 20.0, **options})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Temporary files go here, where they are seen."""
+    place = tmp_path / "tmp"
+    place.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(place))
+    return place
+
+
+def fake(path: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path.write_text(f"#!/bin/sh\n{body}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setattr(downward, "binary", lambda: path)
+
+
+def test_success_leaves_nothing(folder: Path) -> None:
+    assert run()
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("code", [1 + 31, 33, 34, 35, 36, 37, 99])
+def test_failures_are_failures(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
+    fake(tmp_path / "downward", f"echo something went wrong; exit {code}", monkeypatch)
+    with pytest.raises(SolverError, match=rf"code {code}:\n(.*\n)*something went wrong"):
+        run()
+    assert list(folder.iterdir()) == []
+
+
+def test_a_crash_is_a_failure(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake(tmp_path / "downward", "kill -SEGV $$", monkeypatch)
+    with pytest.raises(SolverError, match="code -11"):
+        run()
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("code", [11, 12])
+def test_unsolvable_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
+    fake(tmp_path / "downward", f"exit {code}", monkeypatch)
+    assert run() is None
+
+
+@pytest.mark.parametrize("code", [22, 23, 24])
+def test_limits_of_every_search(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int) -> None:
+    fake(tmp_path / "downward", f"echo x >> {tmp_path}/count; exit {code}", monkeypatch)
+    with pytest.raises(LimitReached, match="no plan within"):
+        run()
+    assert (tmp_path / "count").read_text() == "x\n" * len(downward.SEARCHES)
+    assert list(folder.iterdir()) == []
+
+
+def test_the_time_limit_ends_a_search_that_hangs(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake(tmp_path / "downward", f"echo $$ >> {tmp_path}/pids; exec sleep 60", monkeypatch)
+    start = time.monotonic()
+    with pytest.raises(LimitReached):
+        run(time_limit=2.0)
+    assert time.monotonic() - start < 5
+    pids = (tmp_path / "pids").read_text().split()
+    assert pids and not any(Path("/proc", pid).exists() for pid in pids)
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, 0.01])
+def test_no_time_at_all(folder: Path, limit: float) -> None:
+    start = time.monotonic()
+    with pytest.raises(LimitReached):
+        run(time_limit=limit)
+    assert time.monotonic() - start < 2
+    assert list(folder.iterdir()) == []
+
+
+def test_the_translator_may_fail_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(downward, "write_problem", lambda *_: ("(define (domain d)", "nonsense"))
+    with pytest.raises(SolverError, match="translator failed"):
+        run()
+    assert list(folder.iterdir()) == []
+
+
+INTERRUPTED = """
+import sys, tempfile
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+tempfile.tempdir = sys.argv[2]
+import test_downward
+from gentamp_lp.streams import downward
+downward.binary = lambda: Path(sys.argv[3])
+test_downward.run(time_limit=60.0)
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_interrupting_leaves_no_child(folder: Path, tmp_path: Path, monkeypatch, how: int) -> None:
+    script = tmp_path / "downward"
+    fake(script, f"echo $$ > {tmp_path}/half; mv {tmp_path}/half {tmp_path}/pid; exec sleep 60", monkeypatch)
+    here = str(Path(__file__).parent)
+    child = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, here, str(folder), str(script)], stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 20
+    while not (tmp_path / "pid").exists():
+        assert time.monotonic() < deadline and child.poll() is None
+        time.sleep(0.02)
+    child.send_signal(how)
+    _, messages = child.communicate(timeout=10)
+    pid = int((tmp_path / "pid").read_text())
+    deadline = time.monotonic() + 5
+    while _running(pid) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not _running(pid)
+    if how == signal.SIGINT:
+        assert "KeyboardInterrupt" in messages
+        assert list(folder.iterdir()) == []
+
+
+def _running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return status[0] != "Z"

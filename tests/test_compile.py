@@ -1,0 +1,280 @@
+"""The constrained domain allows exactly the steps of the policy, and planners can read it."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from gentamp_lp.compile import constrained_domain, original_step, to_text
+from gentamp_lp.features import Features, valuation
+from gentamp_lp.learning import Learned
+from gentamp_lp.planning import solve
+from gentamp_lp.policy import AbstractAction, Feature, Policy, Rule
+from gentamp_lp.streams.downward import write_problem
+from gentamp_lp.streams.facts import Fact
+from gentamp_lp.streams.formula import TRUE, And, Atom, conjuncts
+from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
+from gentamp_lp.streams.pddl import Domain, parse_domain
+from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
+from gentamp_lp.task import Instance, Task
+
+FAR = float("inf")
+CASES = [("unstack", "3", 2), ("unstack", "4", 3), ("load", "1-2", 1), ("load", "2-2", 1)]
+QUOTA = {"sample-grasp": 1, "sample-placement": 1, "sample-cell": 2, "sample-reach": 1}
+
+
+def sorts_of(policy: Policy) -> dict[str, tuple[str, ...]]:
+    return {name: tuple(row) for name, row in policy.extra["sorts"].items()}
+
+
+def compiled(learned: Learned) -> Domain:
+    return constrained_domain(learned.policy, learned.task.folder, sorts_of(learned.policy))
+
+
+@dataclass
+class Case:
+    """An instance with a fixed set of samples, under the original domain and under the constrained one."""
+
+    learned: Learned
+    instance: Instance
+    original: Program  # with the features as axioms
+    constrained: Program
+
+
+@pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}")
+def case(request) -> Case:
+    name, size, seed = request.param
+    learned: Learned = request.getfixturevalue(name)
+    instance = learned.task.instance(size, seed, robot="gripper")
+    sample(instance.base, QUOTA, FAR)
+    run_tests(instance.base, FAR)
+    features = Features.of(learned.policy.features)
+    original = Program.of(learned.task.folder.domain, features.axioms)
+    return Case(learned, instance, original, Program.of(compiled(learned)))
+
+
+# ---- The text
+
+
+def test_our_parser_reads_what_is_written(learned: Learned) -> None:
+    domain = compiled(learned)
+    again = parse_domain(learned.domain_pddl)
+    assert again.predicates == domain.predicates
+    assert [a.name for a in again.actions] == [a.name for a in domain.actions]
+    assert {a.head for a in again.axioms} == {a.head for a in domain.axioms}
+    assert [a.precondition for a in again.actions] == [a.precondition for a in domain.actions]
+    assert [a.body for a in again.axioms] == [a.body for a in domain.axioms]
+    assert to_text(domain, learned.policy) == learned.domain_pddl
+    for ours, read in zip(domain.actions, again.actions, strict=True):
+        for one, two in zip(ours.effects, read.effects, strict=True):
+            assert replace(one, condition=TRUE) == replace(two, condition=TRUE)
+            assert conjuncts(one.condition) == conjuncts(two.condition)
+    Program.of(again)  # stratified
+
+
+def test_the_comments_tell_the_features(learned: Learned) -> None:
+    for feature in learned.policy.features:
+        assert f"; {feature.name} ({feature.kind}): {feature.text}\n" in learned.domain_pddl
+    assert "#" not in learned.domain_pddl
+
+
+def test_the_written_problem_is_read_by_the_translator(case: Case, tmp_path: Path) -> None:
+    goal = And((case.learned.task.goal, Atom("ready", ())))
+    texts = write_problem(case.constrained, case.instance.base, case.instance.state, goal)
+    for name, text in zip(("domain.pddl", "problem.pddl"), texts, strict=True):
+        (tmp_path / name).write_text(text)
+    translate(tmp_path)
+
+
+def test_the_bundles_domain_is_read_by_the_translator(learned: Learned, tmp_path: Path) -> None:
+    """Other PDDLStream planners get this text, with no help from our writer."""
+    (tmp_path / "domain.pddl").write_text(learned.domain_pddl)
+    name = parse_domain(learned.domain_pddl).name
+    (tmp_path / "problem.pddl").write_text(
+        f"(define (problem p) (:domain {name}) (:objects a w g) (:init (handempty) (movable a) (grasp a g)"
+        " (atpose a w)) (:goal (ready)))"
+    )
+    translate(tmp_path)
+
+
+def translate(folder: Path) -> None:
+    command = [sys.executable, "-m", "fast_downward.translate", "domain.pddl", "problem.pddl"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (folder / "output.sas").stat().st_size > 100
+
+
+# ---- Steps of the constrained domain are the policy's, and the other way round
+
+
+def extensions(case: Case, state: State) -> dict[str, set[tuple[str, ...]]]:
+    view = View(case.original, case.instance.base, state)
+    return {f.name: set(view.extension(f.name)) for f in case.learned.policy.features}
+
+
+def change(feature: Feature, before: set[tuple[str, ...]], after: set[tuple[str, ...]]) -> str:
+    """The effect on one feature by set inclusion; `mixed` is no effect of any action."""
+    if feature.kind == "boolean":
+        return "" if bool(before) == bool(after) else "true" if after else "false"
+    if before == after:
+        return ""
+    return "increase" if before < after else "decrease" if after < before else "mixed"
+
+
+def policy_steps(case: Case, state: State) -> Iterator[tuple[Step, State]]:
+    """The steps that follow the policy, by definition."""
+    policy = case.learned.policy
+    before = extensions(case, state)
+    rule = policy.rule_for(valuation({name: len(rows) for name, rows in before.items()}))
+    if rule is None:
+        return
+    action = policy.action(rule.action)
+    view = View(case.original, case.instance.base, state)
+    for step in applicable(view):
+        successor = apply(view, step)
+        after = extensions(case, successor)
+        effects = {f.name: change(f, before[f.name], after[f.name]) for f in policy.features}
+        if step.schema in action.schemas and {k: v for k, v in effects.items() if v} == action.effects:
+            yield step, successor
+
+
+def fluents(case: Case, state: State) -> State:
+    names = case.learned.task.folder.domain.fluents
+    return frozenset(fact for fact in state if fact[0] in names)
+
+
+def checked(case: Case, state: State) -> list[State]:
+    """What the `check` actions make of a state of the constrained domain."""
+    view = View(case.constrained, case.instance.base, state)
+    return [apply(view, step) for step in applicable(view) if original_step(step) is None]
+
+
+def test_constrained_steps_are_policy_steps(case: Case) -> None:
+    """Breadth first over all reachable states, up to a bound; both directions in each."""
+    (start,) = checked(case, case.instance.state)
+    todo, seen, steps = [start], {start}, 0
+    while todo and steps < 60:
+        state = todo.pop(0)
+        plain = fluents(case, state)
+        was = {(f"was-{name}", *row) for name, rows in extensions(case, plain).items() for row in rows}
+        assert {fact for fact in state if fact[0].startswith("was-")} == was
+        assert ("ready",) in state and not any(fact[0].startswith("pending") for fact in state)
+        view = View(case.constrained, case.instance.base, state)
+        found: set[tuple[Step, State]] = set()
+        for step in applicable(view):
+            own = original_step(step)
+            assert own is not None
+            after = apply(view, step)
+            assert ("ready",) not in after
+            for final in checked(case, after):
+                found.add((own, fluents(case, final)))
+                steps += 1
+                if final not in seen:
+                    seen.add(final)
+                    todo.append(final)
+        assert found == set(policy_steps(case, plain))
+    assert steps > 3
+
+
+def test_nothing_happens_before_the_first_check(case: Case) -> None:
+    view = View(case.constrained, case.instance.base, case.instance.state)
+    assert [step.schema for step in applicable(view)] == ["check--start"]
+
+
+def test_a_refused_step_is_a_dead_end(case: Case) -> None:
+    """Some step of an allowed schema has another effect; after it, no check can follow."""
+    (start,) = checked(case, case.instance.state)
+    view = View(case.constrained, case.instance.base, start)
+    allowed = {step for step, _ in policy_steps(case, case.instance.state)}
+    refused = [s for s in applicable(view) if original_step(s) not in allowed]
+    for step in refused:
+        after = apply(view, step)
+        assert checked(case, after) == []
+        assert list(applicable(View(case.constrained, case.instance.base, after))) == []
+    if case.learned.task.name == "unstack":
+        return
+    assert allowed
+
+
+# ---- Planning in it
+
+
+def test_plans_of_the_constrained_domain_execute_in_the_original(case: Case) -> None:
+    task, instance = case.learned.task, case.instance
+    goal = And((task.goal, Atom("ready", ())))
+    found = solve_incremental(
+        case.constrained, instance.base, instance.state, goal, quota=task.file.samples, time_limit=60, max_levels=3
+    )
+    assert found[0].schema == "check--start"
+    steps = [step for step in map(original_step, found) if step is not None]
+    states = simulate(case.original, instance.base, instance.state, steps)
+    assert states is not None
+    assert View(case.original, instance.base, states[-1]).holds(task.goal)
+    for step, before, after in zip(steps, states, states[1:], strict=False):
+        assert (step, after) in set(policy_steps(case, before))
+
+
+def test_original_step() -> None:
+    assert original_step(Step("pick--a1", ("b", "p"))) == Step("pick", ("b", "p"))
+    assert original_step(Step("check--a1", ())) is None
+    assert original_step(Step("check--start", ())) is None
+
+
+def test_features_over_sorts_can_be_planned_with(unstack: Learned) -> None:
+    """A feature that needs a sort's guard: its sort predicate is derived and may not also be stated."""
+    task = unstack.task
+    lying = Feature("f1", "numeric", 3, "neg(some(v1,o,conj(on(v0,v1),table(v1))))", "v0", "o", "")
+    holding = Feature("f2", "boolean", 1, "holding(v0)", "v0", "o", "")
+    policy = replace(
+        unstack.policy,
+        features=(lying, holding),
+        actions=(
+            AbstractAction("a1", {}, {"f2": "true"}, ("pick",)),
+            AbstractAction("a2", {}, {"f1": "decrease", "f2": "false"}, ("place",)),
+        ),
+        rules=(Rule((True, False), "a1", ()), Rule((True, True), "a2", ())),
+    )
+    domain = constrained_domain(policy, task.folder, sorts_of(policy))
+    assert "sort-o" in {axiom.head.predicate for axiom in domain.axioms}
+    instance = task.instance("4", 3, robot="gripper")
+    goal = And((task.goal, Atom("ready", ())))
+    plan = solve_incremental(
+        Program.of(domain), instance.base, instance.state, goal, quota=task.file.samples, time_limit=60, max_levels=2
+    )
+    assert [s.schema for s in plan if original_step(s)] == ["pick--a1", "place--a2"] * (len(plan) // 4)
+
+
+def test_sort_predicates_mean_the_same_in_both(learned: Learned) -> None:
+    """Derived in the constrained domain, recorded by the fact base."""
+    policy = replace(
+        learned.policy,
+        features=tuple(
+            Feature(f"f{i}", "numeric", 1, "neg(holding(v0))" if sort == "o" else "neg(flag)", "v0", sort)
+            for i, sort in enumerate(("o", "w", "g", "t"))
+        ),
+        actions=(),
+        rules=(),
+    )
+    domain = constrained_domain(policy, learned.task.folder, sorts_of(policy))
+    size = {"unstack": "3", "load": "1-2"}[learned.task.name]
+    instance = Task.load(learned.task.name).instance(size, 1, robot="gripper")
+    sample(instance.base, QUOTA, FAR)
+    run_tests(instance.base, FAR)
+    facts: dict[str, list[Fact]] = {s: [] for s in ("o", "w", "g", "t")}
+    view = View(Program.of(domain), instance.base, instance.state)
+    for sort in facts:
+        assert {row[0] for row in view.extension(f"sort-{sort}")} == set(instance.base.entities(sort)) != set()
+
+
+def test_a_policy_planned_in_its_domain_solves_the_task(unstack: Learned, monkeypatch) -> None:
+    from gentamp_lp import planning
+
+    def fail(*_: object, **__: object) -> None:
+        raise planning.DeadEnd("not today")
+
+    monkeypatch.setattr(planning.GuidedPlanner, "solve", fail)
+    result = solve(unstack.task, "5", 1, policy=unstack.policy, robot="gripper", time_limit=60)
+    assert result.valid and result.planner == "constrained domain"

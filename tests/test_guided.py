@@ -1,0 +1,162 @@
+"""Guided planning follows the policy to valid plans, and says why when it cannot."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from gentamp_lp.errors import LimitReached
+from gentamp_lp.features import matches_effects, valuation
+from gentamp_lp.guided import DeadEnd, GuidedPlanner, GuidedResult
+from gentamp_lp.learning import Learned
+from gentamp_lp.plan import Plan
+from gentamp_lp.planning import solve
+from gentamp_lp.streams.semantics import View, apply, precondition_holds
+from gentamp_lp.task import Instance, Task
+from gentamp_lp.validate import validate
+
+SIZES = {"unstack": ["2", "5", "9"], "load": ["1-2", "2-2", "3-5", "4"]}
+
+
+def follow(learned: Learned, size: str, seed: int, robot: str) -> tuple[GuidedPlanner, Instance, GuidedResult]:
+    instance = learned.task.instance(size, seed, robot=robot)
+    planner = GuidedPlanner(learned.policy, instance)
+    return planner, instance, planner.solve(time_limit=60)
+
+
+@pytest.mark.parametrize("robot", ["gripper", "panda"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_plans_are_valid_and_each_step_is_the_policys(learned: Learned, seed: int, robot: str) -> None:
+    policy = learned.policy
+    for size in SIZES[learned.task.name]:
+        planner, instance, result = follow(learned, size, seed, robot)
+        assert validate(Plan.of(instance, result.steps), learned.task) == []
+        assert len(result.steps) == len(result.abstract) == len(result.states) - 1
+        assert result.states[0] == instance.state
+        for step, name, state, after in zip(
+            result.steps, result.abstract, result.states, result.states[1:], strict=False
+        ):
+            view = View(planner.program, instance.base, state)
+            assert precondition_holds(view, step)
+            assert apply(view, step) == after
+            assert not view.holds(learned.task.goal)
+            values, values_after = planner.features.values(view), planner.values(after)
+            rule = policy.rule_for(valuation(values))
+            assert rule is not None and rule.action == name
+            action = policy.action(name)
+            assert step.schema in action.schemas
+            assert matches_effects(action.effects, planner.kinds, values, values_after)
+            assert all(valuation(values)[f] == positive for f, positive in action.preconditions.items())
+        assert View(planner.program, instance.base, result.states[-1]).holds(learned.task.goal)
+
+
+def test_the_goal_may_hold_from_the_start(unstack: Learned) -> None:
+    result = solve(unstack.task, 1, 0, policy=unstack.policy)
+    assert result.valid and result.plan is not None
+    assert (result.plan.steps, result.plan.entities, result.plan.facts) == ((), {}, ())
+    assert validate(Plan.of(result.instance, ()), unstack.task) == []
+
+
+def without(learned: Learned, index: int) -> Learned:
+    rules = learned.policy.rules
+    return replace(learned, policy=replace(learned.policy, rules=(*rules[:index], *rules[index + 1 :])))
+
+
+def test_a_state_without_a_rule_is_named(learned: Learned) -> None:
+    """Without the first rule, there is nothing to do in the initial state."""
+    with pytest.raises(DeadEnd, match="no rule for the abstract state f1=0, ") as caught:
+        follow(without(learned, 0), learned.task.file.train[0], 0, "gripper")
+    assert caught.value.path == [caught.value.state]
+    assert str(caught.value) == caught.value.reason
+
+
+def test_a_state_without_a_rule_on_the_way_is_named(learned: Learned) -> None:
+    """Without the second rule, the first one leads out of the policy."""
+    size = {"unstack": "6", "load": "2-4"}[learned.task.name]
+    with pytest.raises(DeadEnd, match=r"no concrete step carries out .* there is none for f1=1, ") as caught:
+        follow(without(learned, 1), size, 0, "gripper")
+    assert caught.value.path[-1] == caught.value.state
+
+
+def test_the_abstract_state_is_told_in_the_report(unstack: Learned) -> None:
+    """Planning then turns to the constrained domain, which has no plan either."""
+    broken = without(unstack, 0)
+    told: list[str] = []
+    result = solve(broken.task, 6, 1, policy=broken.policy, robot="gripper", progress=told.append)
+    assert not result.valid and result.plan is None and not result.limited
+    assert "no rule for the abstract state f1=0" in str(result.reason)
+    assert any("searching the constrained domain" in line for line in told)
+    report = result.report()
+    assert (report["solved"], report["plan"], report["reason"]) == (False, None, result.reason)
+
+
+def test_an_action_that_cannot_be_done_is_named(unstack: Learned) -> None:
+    """The policy asks to place where only picking is possible."""
+    action = unstack.policy.action("a1")
+    impossible = replace(action, schemas=("place",))
+    actions = tuple(impossible if a.name == "a1" else a for a in unstack.policy.actions)
+    broken = replace(unstack, policy=replace(unstack.policy, actions=actions))
+    with pytest.raises(DeadEnd, match=r"no concrete step carries out abstract action a1 .* f1=0, f2=\d+$"):
+        follow(broken, "6", 1, "gripper")
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-6, 0.02])
+def test_time_limit(unstack: Learned, limit: float) -> None:
+    instance = unstack.task.instance(12, 1, robot="panda")
+    with pytest.raises(LimitReached, match="time limit"):
+        GuidedPlanner(unstack.policy, instance).solve(time_limit=limit)
+    result = solve(unstack.task, 12, 1, policy=unstack.policy, time_limit=limit)
+    assert result.limited and result.plan is None and "time limit" in str(result.reason)
+    assert result.seconds < 5
+
+
+def test_unguided_planning_is_valid_and_limited_too(unstack: Learned) -> None:
+    result = solve(unstack.task, 3, 1, robot="gripper", time_limit=30)
+    assert result.mode == result.planner == "unguided" and result.valid
+    result = solve(unstack.task, 8, 1, robot="gripper", time_limit=1e-3)
+    assert result.limited and not result.valid
+
+
+def test_a_policy_without_progress_is_rescued_by_the_constrained_domain(load: Learned, monkeypatch) -> None:
+    def give_up(*_: object, **__: object) -> None:
+        raise DeadEnd("told to give up")
+
+    monkeypatch.setattr(GuidedPlanner, "solve", give_up)
+    result = solve(load.task, "1-2", 1, policy=load.policy, robot="gripper", time_limit=60)
+    assert result.valid and result.planner == "constrained domain"
+    assert result.plan is not None and {s.schema for s in result.plan.steps} <= {"pick", "place"}
+
+
+PROGRAM = """
+import json, sys
+from gentamp_lp.planning import solve
+from gentamp_lp.policy import Policy
+from gentamp_lp.task import Task
+for task, size, robot in (("unstack", "7", "panda"), ("load", "2-4", "gripper")):
+    result = solve(Task.load(task), size, 4, policy=Policy.load(f"{sys.argv[1]}/{task}"), robot=robot)
+    print(json.dumps(result.plan.to_json()))
+"""
+
+
+def test_a_seed_gives_the_same_plan_everywhere(unstack: Learned, load: Learned, tmp_path) -> None:
+    unstack.save(tmp_path / "unstack")
+    load.save(tmp_path / "load")
+    texts = []
+    for hash_seed in ("1", "77"):
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(tmp_path)],
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.returncode == 0, done.stderr
+        texts.append(done.stdout)
+    assert texts[0] == texts[1]
+    plans = [json.loads(line) for line in texts[0].splitlines()]
+    assert all(plan["steps"] for plan in plans)
+    again = solve(Task.load("load"), "2-4", 4, policy=load.policy, robot="gripper").plan
+    assert again is not None and again.to_json() == plans[1]
