@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from gentamp_lp.domain import DomainFolder
+from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features
 from gentamp_lp.policy import Feature, Policy
 from gentamp_lp.streams.facts import sort_predicate
@@ -33,6 +34,7 @@ _READY, _STARTED = Atom("ready", ()), Atom("started", ())
 def constrained_domain(policy: Policy, folder: DomainFolder, sorts: Mapping[str, tuple[str, ...]]) -> Domain:
     """The constrained domain as a syntax tree; `sorts` gives the sort of every predicate's arguments."""
     original = folder.domain
+    _require_free_names(policy, original)
     features = Features.of(policy.features)
     heads = {axiom.head.predicate: axiom.head for axiom in features.axioms}
     axioms = [*original.axioms, *features.axioms, *_sort_axioms(features.axioms, original, sorts)]
@@ -66,6 +68,19 @@ def constrained_domain(policy: Policy, folder: DomainFolder, sorts: Mapping[str,
         path=None,
     )
     return replace(domain, predicates={**original.predicates, **_declare(domain, original)})
+
+
+def _require_free_names(policy: Policy, domain: Domain) -> None:
+    """Refuse a domain whose own names are those of the bookkeeping. Raises InputError."""
+    features = [f.name for f in policy.features]
+    taken = {"ready", "started", *features}
+    taken |= {f"{kind}-{f}" for kind in ("some", "had", "was", "lost", "gained") for f in features}
+    taken |= {f"{kind}-{a.name}" for kind in ("applies", "pending") for a in policy.actions}
+    clashes = sorted(taken & domain.predicates.keys())
+    clashes += [a.name for a in domain.actions if a.name == "check" or SEPARATOR in a.name]
+    if clashes:
+        hint = "rename it: constrained domains use this name themselves"
+        raise InputError(Diagnostic(f"`{clashes[0]}` cannot be a name of the domain", domain.path, hint=hint))
 
 
 def to_text(domain: Domain, policy: Policy) -> str:

@@ -5,6 +5,7 @@ All lengths in metres; the world's origin is the robot's base, z = 0 the top of 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -138,6 +139,11 @@ class Scene(_Section):
     @model_validator(mode="after")
     def _known(self) -> Scene:
         groups = {group.name for group in self.things}
+        for name in self.supports:
+            if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+                raise ValueError(f"support `{name}`: use lower-case letters, digits and _")
+        if len(groups) < len(self.things) or groups & self.supports.keys():
+            raise ValueError("two supports or things have the same name")
         for group in self.things:
             if group.start.choice.support not in self.supports:
                 raise ValueError(f"`{group.name}` starts on `{group.start.choice.support}`, which is no support")

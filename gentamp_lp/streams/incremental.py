@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping
 
-from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.errors import LimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.downward import search
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
@@ -89,7 +89,7 @@ def solve_incremental(
     """Find a plan, sampling more at every level.
 
     Raises NoAnswer when the streams are exhausted or `max_levels` is passed without a plan, LimitReached at the
-    time limit. The plan is simulated before it is returned.
+    time limit, SolverError when Fast Downward fails. The plan is simulated before it is returned.
     """
     deadline = time.monotonic() + time_limit
     for level in range(1, max_levels + 1):
@@ -103,6 +103,8 @@ def solve_incremental(
             continue
         states = simulate(program, base, state, plan)
         if states is None or not View(program, base, states[-1]).holds(goal):
-            raise AssertionError("the planner returned a plan that does not execute")
+            raise SolverError(
+                "Fast Downward's plan does not execute: does the domain negate a test outside its stream's `:domain`?"
+            )
         return plan
     raise NoAnswer(f"no plan within {max_levels} levels of samples")
