@@ -22,7 +22,7 @@ STANDOFF = 0.10
 """Length (m) of the straight approach."""
 
 STEPS = 10
-"""Steps of an approach; each is `STANDOFF / STEPS` = 1 cm long, short enough for straight lines between configurations."""
+"""Steps of an approach: every 1 cm, so that joint motions between two of them stay close to the straight line."""
 
 
 @dataclass(frozen=True, eq=False)
