@@ -11,8 +11,8 @@ cd "$(dirname "$0")"
 need() { # package names
     echo "installing: $*" >&2
     if [ "$(id -u)" = 0 ]; then root=""; else root="sudo"; fi
-    $root apt-get update -qq >&2
-    $root env DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends "$@" >&2
+    $root apt-get update -qq >/dev/null
+    $root env DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends "$@" >/dev/null
 }
 
 packages=""
