@@ -32,10 +32,11 @@ from gentamp_lp.streams.formula import (
     atoms,
     conjuncts,
     normalize,
+    substitute,
     to_pddl,
 )
-from gentamp_lp.streams.pddl import Effect
-from gentamp_lp.streams.semantics import Program, State, Step
+from gentamp_lp.streams.pddl import Axiom, Effect
+from gentamp_lp.streams.semantics import Program, State, Step, View
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
 #: Tried in turn, each with a share of the remaining time; the last one gets all of it.
@@ -149,17 +150,24 @@ def _run(
 
 def write_problem(program: Program, base: FactBase, state: State, goal: Formula) -> tuple[str, str]:
     """The sampled problem as two PDDL texts, with refuted tests as `no-...` facts."""
-    goal = normalize(goal)
+    goals = split_goal(program, base, goal)
     axioms = [a for rows in program.axioms.values() for a in rows]
-    formulas = [goal, *program.preconditions.values(), *(a.body for a in axioms)]
+    axioms += [Axiom(Atom(f"goal-part-{number}", ()), part) for number, part in enumerate(goals)]
+    formulas = [*program.preconditions.values(), *(a.body for a in axioms)]
     formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
     used = {a.predicate for f in formulas for a in atoms(_complement(f, base))}
     lines = [f"(define (domain {program.domain.name})", "(:requirements :adl :derived-predicates)"]
     arities = {p.name: p.arity for p in program.domain.predicates.values()}
     declared: dict[str, int] = {}
-    for name in sorted(used | program.domain.fluents | set(program.axioms)):
+    for name in sorted(used | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
         if name != "=":
             declared[name] = arities.get(name, arities.get(name.removeprefix("no-"), 1))
+    declared |= {axiom.head.predicate: len(axiom.head.args) for axiom in axioms}
+    mentioned = [a for axiom in axioms for atom in atoms(axiom.body) for a in atom.args]
+    mentioned += [a for f in program.preconditions.values() for atom in atoms(f) for a in atom.args]
+    constants = dict.fromkeys([*program.domain.constants, *(a for a in mentioned if not a.startswith("?"))])
+    if constants:
+        lines.append(f"(:constants {' '.join(constants)})")
     lines.append("(:predicates")
     lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in declared.items()]
     lines.append(")")
@@ -172,19 +180,44 @@ def write_problem(program: Program, base: FactBase, state: State, goal: Formula)
         )
     lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base)})" for a in axioms]
     domain_text = "\n".join([*lines, ")"])
-    given = [name for name in declared if name not in program.axioms]  # what axioms derive may not be stated
+    derived = {axiom.head.predicate for axiom in axioms}
+    given = [name for name in declared if name not in derived]  # what axioms derive may not be stated
     facts = list(_facts(base, given)) + sorted(state)
-    names = dict.fromkeys(a for f in facts for a in f[1:])
-    names.update(dict.fromkeys(a for atom in atoms(goal) for a in atom.args if not a.startswith("?")))
+    objects = dict.fromkeys(a for f in facts for a in f[1:] if a not in constants)
     problem = [
         f"(define (problem sampled) (:domain {program.domain.name})",
-        f"(:objects {' '.join(names)})",
+        f"(:objects {' '.join(objects)})",
         "(:init",
         *(f"({' '.join(fact)})" for fact in facts),
         ")",
-        f"(:goal {_text(goal, base)}))",
+        f"(:goal (and {' '.join(f'(goal-part-{number})' for number in range(len(goals)))})))",
     ]
     return domain_text, "\n".join(problem)
+
+
+def split_goal(program: Program, base: FactBase, goal: Formula) -> list[Formula]:
+    """The goal as a list of conditions: what it says of all entities is said of each one separately.
+
+    Planners take a quantified goal for a single one that is reached or not; of many they can count how many are. Only
+    quantifiers whose range unchanging facts determine are written out. The parts are normalized.
+    """
+    changing = program.domain.fluents | program.axioms.keys() | base.tests.keys()
+    parts: list[Formula] = []
+    for part in conjuncts(normalize(goal)):
+        match part:
+            case Not(Exists(variables, body)):
+                fixed = [c for c in conjuncts(body) if not any(a.predicate in changing for a in atoms(c))]
+                bound = {arg for c in fixed if isinstance(c, Atom) and c.predicate != "=" for arg in c.args}
+                if not bound.issuperset(variables):
+                    parts.append(part)
+                    continue
+                rest = Not(And(tuple(c for c in conjuncts(body) if c not in fixed)))
+                found = View(program, base, frozenset()).solutions(And(tuple(fixed)))
+                ranges = dict.fromkeys(tuple(solution[v] for v in variables) for solution in found)
+                parts += [normalize(substitute(rest, dict(zip(variables, row, strict=True)))) for row in ranges]
+            case _:
+                parts.append(part)
+    return parts
 
 
 def _facts(base: FactBase, declared: Iterable[str]) -> Iterator[tuple[str, ...]]:

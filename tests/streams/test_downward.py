@@ -13,9 +13,12 @@ import pytest
 
 from gentamp_lp.errors import LimitReached, SolverError
 from gentamp_lp.streams import downward
+from gentamp_lp.streams.downward import search, split_goal
 from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
 from gentamp_lp.streams.pddl import parse_domain, parse_formula
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
+from gentamp_lp.task import Task
 
 GRID = """(define (domain grid)
   (:predicates (Next ?x ?y) (Gate ?x) (At ?x) (Open ?x) (Dark) (Stuck) (Far ?x ?y))
@@ -210,3 +213,39 @@ def _running(pid: int) -> bool:
         return False
     status = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return status[0] != "Z"
+
+
+def test_a_quantified_goal_is_split_into_parts_that_say_the_same():
+    task = Task.load("load")
+    instance = task.instance("2-3", 0)
+    base, program = instance.base, task.program
+    deadline = time.monotonic() + 60
+    sample(base, task.file.samples, deadline)
+    run_tests(base, deadline)
+    parts = split_goal(program, base, task.goal)
+    assert len(parts) == 1 + 3  # the tray is held; each of the three things is on it or does not fit
+    open_, seen, truths = [instance.state], {instance.state}, set()
+    while open_ and len(seen) < 150:
+        view = View(program, base, open_.pop(0))
+        whole = view.holds(task.goal)
+        truths.add(whole)
+        assert whole == all(view.holds(part) for part in parts)
+        for successor in sorted((apply(view, step) for step in applicable(view)), key=sorted):
+            if successor not in seen:
+                seen.add(successor)
+                open_.append(successor)
+    plan = search(program, base, instance.state, task.goal, time_limit=60)
+    for state in simulate(program, base, instance.state, plan):
+        view = View(program, base, state)
+        truths.add(view.holds(task.goal))
+        assert view.holds(task.goal) == all(view.holds(part) for part in parts)
+    assert truths == {True, False}
+
+
+def test_splitting_makes_a_goal_over_many_things_reachable():
+    task = Task.load("load")
+    instance = task.instance("6-8", 0)
+    plan = solve_incremental(
+        task.program, instance.base, instance.state, task.goal, quota=task.file.samples, time_limit=60
+    )
+    assert len(plan) == 13
