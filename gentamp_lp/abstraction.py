@@ -54,7 +54,7 @@ def synthesize_policy(
 
     `fairness` is the least that must be guaranteed: `strong` (no loop), `qnp` (every loop lowers a count it
     never raises) or `strong-cyclic` (a goal stays in reach). Outcomes of a falling count that no seen state
-    shows are dropped. Among optimal answers the one with the fewest features, then the shortest formulas, then
+    shows are dropped. Among optimal answers the one with the shortest formulas, then the fewest features, then
     the fewest policy rules, then the smallest numbers is returned, whatever the seed (if more than 200 tie, of
     the first 200). `improve` = (cost, level) asks only for answers that cost less and use a feature whose cost
     exceeds the level: what a deeper pool can add to an optimum over a shallower one. The effort for that is
@@ -159,7 +159,7 @@ class _Watch:
         if answer.optimal:
             self._count += 1
         else:
-            self._say(f"a policy of cost {answer.cost[0]} with {answer.cost[1]} features")
+            self._say(f"a policy of cost {answer.cost[0]} with {answer.cost[-1]} features")
         return self._count < _TIES
 
 
