@@ -251,13 +251,14 @@ def compress(evidence: Evidence, fairness: str) -> Theory:
         for i in bits(evidence.transitions[number].dec):
             columns[i][2] |= 1 << row
     everywhere = (1 << len(evidence.states)) - 1
-    best: dict[tuple[int, ...], tuple[int, int]] = {}
+    best: dict[tuple[int, ...], tuple[int, int, int]] = {}
     for i, column in columns.items():
         if column[0] in (0, everywhere) and not column[1] and not column[2]:
             continue  # it never tells anything
         key = (evidence.numeric >> i & 1, *column)
-        best[key] = min(best.get(key, (evidence.features[i].cost, i)), (evidence.features[i].cost, i))
-    features = sum(1 << i for _, i in best.values())
+        rank = (evidence.features[i].cost, evidence.features[i].size, i)
+        best[key] = min(best.get(key, rank), rank)
+    features = sum(1 << i for *_, i in best.values())
     return _states(evidence, features, fairness)
 
 

@@ -39,6 +39,10 @@ class Sample:
         for t, s, _ in self.trans:
             self.candidates.setdefault(s, []).append(t)
 
+    def size(self, f):
+        """The length of a feature's formula: anything that is neither its cost nor its number."""
+        return 7 * f % 5
+
     def change(self, f, t):
         _, s, s2 = self.trans[t - 1]
         d = self.value[f, s2] - self.value[f, s]
@@ -49,7 +53,7 @@ class Sample:
         out += [f"initial({self.states[0]})."]
         out += [f"transition({t},{s},{u}). candidate({t}). action({t},move)." for t, s, u in self.trans]
         for f in self.features:
-            out.append(f"feature({f},{self.cost[f]},{self.kind[f]}).")
+            out.append(f"feature({f},{self.cost[f]},{self.kind[f]}). size({f},{self.size(f)}).")
             out += [f"pos({f},{s})." for s in self.states if self.value[f, s] > 0]
             for t, _, _ in self.trans:
                 out += {1: [f"inc({f},{t})."], -1: [f"dec({f},{t})."], 0: []}[self.change(f, t)]
@@ -104,14 +108,15 @@ class Sample:
         return not any(any(e[i] == -1 for e in effects) and not any(e[i] == 1 for e in effects) for i in numeric)
 
     def optima(self, fairness):
-        """All (cost, size, rules, features) that some choice makes right, best first, with the first choice."""
+        """All (cost, size, number, rules, features) that some choice makes right, best first, with the first choice."""
         found = []
         sources = sorted(self.candidates)
         for phi in subsets(self.features):
             for moves in product(*(self.candidates[s] for s in sources)):
                 if self.accepts(phi, dict(zip(sources, moves, strict=True)), fairness):
                     rules = len({self.look(sorted(phi), s) for s in sources})
-                    found.append((sum(self.cost[f] for f in phi), len(phi), rules, tuple(sorted(phi)), moves))
+                    weight = sum(self.cost[f] for f in phi), sum(self.size(f) for f in phi), len(phi)
+                    found.append((*weight, rules, tuple(sorted(phi)), moves))
         return sorted(found)
 
 
