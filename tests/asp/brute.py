@@ -16,6 +16,7 @@ class Sample:
         self.states = list(range(1, ns + 1))
         self.features = list(range(1, nf + 1))
         self.cost = {f: rng.randint(1, 4) for f in self.features}
+        self.sizes = {f: 7 * f % 5 for f in self.features}
         self.kind = {f: rng.choice(["boolean", "numeric", "numeric"]) for f in self.features}
         self.value = {
             (f, s): rng.choice([0, 1] if self.kind[f] == "boolean" else [0, 1, 2, 3])
@@ -41,7 +42,7 @@ class Sample:
 
     def size(self, f):
         """The length of a feature's formula: anything that is neither its cost nor its number."""
-        return 7 * f % 5
+        return self.sizes[f]
 
     def change(self, f, t):
         _, s, s2 = self.trans[t - 1]

@@ -97,6 +97,7 @@ def test_a_merged_pool_answers_like_the_full_one():
             g = f + twin
             sample.features.append(g)
             sample.cost[g], sample.kind[g] = sample.cost[f] + seed % 2, sample.kind[f]
+            sample.sizes[g] = sample.sizes[f]
             sample.value |= {(g, s): sample.value[f, s] for s in sample.states}
         assert solved(sample, "qnp") == before
 
