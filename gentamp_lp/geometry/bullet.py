@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -67,7 +68,23 @@ class Camera:
     specular: float = 0.10
 
 
-class Bullet:
+class Closing(ABC):
+    """Something that must be closed, and is at the end of a `with` block."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free what is held."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Bullet(Closing):
     """A private PyBullet world without a window; use it as a context manager or call `close`."""
 
     def __init__(self) -> None:
@@ -80,14 +97,6 @@ class Bullet:
         if self.client >= 0:
             pybullet.disconnect(physicsClientId=self.client)
             self.client = -1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     # bodies
 

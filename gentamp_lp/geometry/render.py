@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from PIL import Image
 
-from gentamp_lp.geometry.bullet import Bullet, Camera
+from gentamp_lp.geometry.bullet import Bullet, Camera, Closing
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.replay import State
 from gentamp_lp.geometry.robots import Robot
@@ -28,7 +26,7 @@ MOVIE = replace(STILL, width=480, height=360)
 _TABLE: Rgba = (0.80, 0.72, 0.62, 1.0)
 
 
-class Scene:
+class Scene(Closing):
     """A robot at a table with objects, to be looked at. Use it as a context manager or call `close`.
 
     `table` holds the lower and the upper corner (x, y) of the table top at z = 0, in m.
@@ -49,14 +47,6 @@ class Scene:
     def close(self) -> None:
         """Free the PyBullet world."""
         self._world.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def add(self, name: str, shape: Shape, pose: Array) -> None:
         """Add an object; its colour is that of the shape."""

@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
-from gentamp_lp.geometry.bullet import Bullet
+from gentamp_lp.geometry.bullet import Bullet, Closing
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.robots import Grasp, Robot, Trajectory
 from gentamp_lp.geometry.shapes import Shape, box
@@ -57,7 +55,7 @@ class _Object:
     support: str | None = None
 
 
-class Replay:
+class Replay(Closing):
     """A table at z = 0, a robot and objects; moves the robot and notes what cannot be.
 
     `watch` is called with each state gone through, e.g. to film it. Use the replay as a context manager or
@@ -81,14 +79,6 @@ class Replay:
     def close(self) -> None:
         """Free the PyBullet world."""
         self._world.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     # the world
 
