@@ -15,10 +15,22 @@ from gentamp_lp.resources import resource
 
 
 @dataclass(frozen=True)
+class Pruned:
+    """What became of the candidates of one grammar rule on one level; `logic/generate.pl` explains the names.
+
+    The rule `features` stands for the last step, from formulas to features.
+    """
+
+    level: str
+    rule: str
+    counts: dict[str, int]
+
+
+@dataclass(frozen=True)
 class Pool:
     """Features up to some cost, one for each qualitative behaviour on the training data.
 
-    `facts` are `feature/3`, `pos/2`, `inc/2` and `dec/2`, legal in Prolog and in ASP; `formulas` gives the
+    `facts` are `feature/3`, `size/2`, `pos/2`, `inc/2` and `dec/2`, legal in Prolog and in ASP; `formulas` gives the
     text of `formula/4` for each feature.
     """
 
@@ -26,51 +38,130 @@ class Pool:
     formulas: dict[int, str]
     size: int
     statistics: dict[str, float | int]
+    pruned: tuple[Pruned, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A feature that somebody wrote down, evaluated exactly and looked up in the pool.
+
+    `formula` is the text of `formula/4`; `satisfying` has the entities counted in each state (nothing for a closed
+    formula); `match` is the number of a feature of the pool, and `how` says in what sense (`pool_formula/1` in
+    `logic/pool.pl`).
+    """
+
+    formula: str
+    cost: int
+    values: list[int]
+    satisfying: dict[int, list[str]]
+    match: int | None
+    how: str
+
+
+class PoolSession:
+    """The Prolog process that builds a pool: use it in a `with` block.
+
+    `facts` are the training data (`Dataset.pool_facts`), `grammars` are added to the shipped grammar, and `time_limit`
+    bounds the seconds spent in Prolog in total. Raises InputError for a grammar that is not usable, LimitReached when
+    time or memory is up.
+    """
+
+    def __init__(self, facts: str, *, grammars: Sequence[Path] = (), time_limit: float | None = None) -> None:
+        self._limit = time_limit
+        self._spent = 0.0
+        self._level = -1
+        self._facts: list[str] = []
+        self._formulas: dict[int, str] = {}
+        self._prolog = PrologProcess()
+        try:
+            _load(self._prolog, grammars)
+            with tempfile.TemporaryDirectory() as folder:
+                data = Path(folder) / "facts.pl"
+                data.write_text(facts, encoding="utf-8")
+                self._ask(f"pool_open({quote(data)})")
+        except BaseException:
+            self._prolog.__exit__()
+            raise
+
+    def __enter__(self) -> PoolSession:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._prolog.__exit__()
+
+    def _ask(self, goal: str) -> str:
+        started = time.monotonic()
+        try:
+            return self._prolog.text(goal, None if self._limit is None else self._limit - self._spent)
+        finally:
+            self._spent += time.monotonic() - started
+
+    def deepen(self, cost: int) -> Pool:
+        """Return the pool of all features up to `cost`, building the levels that are missing.
+
+        A feature has the same number in all pools of a session, and a deeper pool starts with the shallower one.
+        """
+        for level in range(self._level + 1, cost + 1):
+            self._ask(f"pool_level({level})")
+            self._facts.append(self._ask(f"pool_features({level})"))
+            self._formulas |= _numbered(self._ask(f"pool_formulas({level})"))
+            self._level = level
+        text = self._ask("pool_statistics")
+        statistics: dict[str, float | int] = {n: int(v) for n, v in re.findall(r"stat\((\w+),(\d+)\)", text)}
+        statistics["seconds"] = self._spent
+        return Pool("".join(self._facts), dict(self._formulas), len(self._formulas), statistics, _pruned(text))
+
+    def values(self) -> dict[int, list[int]]:
+        """Return the value of each feature in every state."""
+        rows = "".join(self._ask(f"pool_values({level})") for level in range(self._level + 1))
+        return {int(i): [int(v) for v in values.split()] for i, values in _fields(rows)}
+
+    def satisfying(self, state: int) -> dict[int, list[str]]:
+        """Return the entities that satisfy each feature that counts in a state."""
+        return {int(i): entities.split() for i, entities in _fields(self._ask(f"pool_satisfying({state})"))}
+
+    def read(self, text: str) -> Reading:
+        """Read a formula as people write it, e.g. `exists y: On(x,y) & Tray(y)`; see `logic/notation.pl`.
+
+        Raises InputError, with the column, for what is no formula over the predicates of the data.
+        """
+        rows = _fields(self._ask(f"pool_formula({quote(text)})"))
+        single = {row[0]: row[1] for row in rows if len(row) == 2}
+        match, how = single["match"].split()
+        return Reading(
+            formula=single["formula"].rstrip("."),
+            cost=int(single["cost"]),
+            values=[int(v) for v in single["values"].split()],
+            satisfying={int(row[1]): row[2].split() for row in rows if row[0] == "satisfying"},
+            match=None if match == "none" else int(match),
+            how=how,
+        )
+
+
+def _fields(rows: str) -> list[list[str]]:
+    return [row.split("\t") for row in rows.splitlines()]
+
+
+def _pruned(text: str) -> tuple[Pruned, ...]:
+    rows: dict[tuple[str, str], dict[str, int]] = {}
+    for level, rule, what, number in re.findall(r"pruned\((\w+),(\w+),(\w+),(\d+)\)", text):
+        rows.setdefault((level, rule), {})[what] = int(number)
+    return tuple(Pruned(level, rule, counts) for (level, rule), counts in rows.items())
 
 
 def generate_pool(facts: str, *, max_cost: int, grammars: Sequence[Path] = (), time_limit: float | None = None) -> Pool:
     """Generate all features up to `max_cost`; `grammars` are added to the shipped grammar."""
-    *_, pool = deepen(facts, costs=range(max_cost, max_cost + 1), grammars=grammars, time_limit=time_limit)
-    return pool
+    with PoolSession(facts, grammars=grammars, time_limit=time_limit) as session:
+        return session.deepen(max_cost)
 
 
 def deepen(
     facts: str, *, costs: Sequence[int], grammars: Sequence[Path] = (), time_limit: float | None = None
 ) -> Iterator[Pool]:
-    """Yield the pool for each of the ascending `costs`, working on one only when it is asked for.
-
-    A feature has the same number in all of these pools, and a deeper pool starts with the shallower one.
-    `time_limit` bounds the seconds spent generating in total.
-    """
-    spent = 0.0
-    with PrologProcess() as prolog, tempfile.TemporaryDirectory() as folder:
-
-        def ask(goal: str) -> str:
-            nonlocal spent
-            started = time.monotonic()
-            try:
-                return prolog.text(goal, None if time_limit is None else time_limit - spent)
-            finally:
-                spent += time.monotonic() - started
-
-        _load(prolog, grammars)
-        data = Path(folder) / "facts.pl"
-        data.write_text(facts, encoding="utf-8")
-        ask(f"pool_open({quote(data)})")
-        done = -1
-        text: list[str] = []
-        formulas: dict[int, str] = {}
+    """Yield the pool for each of the ascending `costs`, working on one only when it is asked for."""
+    with PoolSession(facts, grammars=grammars, time_limit=time_limit) as session:
         for cost in costs:
-            for level in range(done + 1, cost + 1):
-                ask(f"pool_level({level})")
-                text.append(ask(f"pool_features({level})"))
-                formulas |= _numbered(ask(f"pool_formulas({level})"))
-            done = cost
-            statistics: dict[str, float | int] = {
-                name: int(number) for name, number in re.findall(r"stat\((\w+),(\d+)\)", ask("pool_statistics"))
-            }
-            statistics["seconds"] = spent
-            yield Pool("".join(text), dict(formulas), len(formulas), statistics)
+            yield session.deepen(cost)
 
 
 def check_grammars(grammars: Sequence[Path]) -> None:

@@ -77,6 +77,8 @@ class Prolog:
         status, output = row["Status"], _text(row["Output"])
         if status == "limit":
             raise LimitReached(f"Prolog ran out of memory: {output}")
+        if status == "input":
+            raise InputError(*parse_diagnostics(output))
         if status == "error":
             raise SolverError(f"Prolog: {output}")
         return status == "true", output
@@ -146,8 +148,10 @@ class PrologProcess:
         if not reply:
             self._explain_death()
         kind, value = json.loads(reply)
-        if kind == "input":
+        if kind == "start":
             raise InputError(Diagnostic(value, hint=_HINT))
+        if kind == "input":
+            raise InputError(*parse_diagnostics(value))
         if kind == "limit":
             raise LimitReached(value)
         if kind == "error":
@@ -186,11 +190,13 @@ def _serve(memory_mb: int) -> None:
         method, argument = json.loads(line)
         try:
             if problem is not None:
-                reply = ["input", problem]
+                reply = ["start", problem]
             elif method == "load":
                 reply = ["ok", "".join(_lines(prolog.load(Path(argument))))]
             else:
                 reply = ["ok", prolog.text(argument)]
+        except InputError as error:
+            reply = ["input", "".join(_lines(error.diagnostics))]
         except LimitReached as error:
             reply = ["limit", str(error)]
         except SolverError as error:

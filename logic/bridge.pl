@@ -44,8 +44,9 @@ load_report(File, Lines) :-
 
 %!  answer(+GoalText:atom, -Status, -Output:string) is det.
 %
-%   Run the goal once in module user. Status is `true`, `false`, `limit` or `error`; Output is what it printed,
-%   or the message if there was an error.
+%   Run the goal once in module user. Status is `true`, `false`, `limit`, `input` or `error`; Output is what it
+%   printed, the message if there was an error, or `File TAB Line TAB Column TAB Message` if the user's input is
+%   at fault.
 
 answer(GoalText, Status, Output) :-
     catch(( term_to_atom(Goal, GoalText),
@@ -60,6 +61,12 @@ answer(GoalText, Status, Output) :-
 failure(error(resource_error(What), _), limit, Output) :-
     !,
     format(string(Output), "not enough ~w", [What]).
+failure(error(grammar_error(File, Line, Message), _), input, Output) :-
+    !,
+    format(string(Output), "~w\t~w\t0\t~s", [File, Line, Message]).
+failure(error(notation_error(Column, Message), _), input, Output) :-
+    !,
+    format(string(Output), "\t0\t~d\t~s", [Column, Message]).
 failure(Error, error, Output) :-
     message_string(Error, Output).
 

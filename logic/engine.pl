@@ -16,6 +16,8 @@
             some/3,                 % +Class, +A, -D
             restrict/4,             % +Class, +C, +R, -D
             exclude/4,              % +Class, +C, +R, -D
+            given/3,                % +Class, +P, -D
+            diagonal/3,             % +Class, +R, -D
             compose/5,              % +ClassA, +ClassB, +A, +B, -D
             closure/3,              % +Class, +R, -D
             primitive/1             % ?Head
@@ -166,6 +168,8 @@ primitive(implies(_, _, _, _)).
 primitive(some(_, _, _)).
 primitive(restrict(_, _, _, _)).
 primitive(exclude(_, _, _, _)).
+primitive(given(_, _, _)).
+primitive(diagonal(_, _, _)).
 primitive(compose(_, _, _, _, _)).
 primitive(closure(_, _, _)).
 
@@ -229,6 +233,34 @@ restrict(Class, C, R, D) :-
 exclude(Class, C, R, D) :-
     lifted(Class, C, L),
     D is R /\ \L.
+
+%!  given(+Class, +P, -D) is det.
+%
+%   D of Class, which is a con(X), says P of every X; P speaks of the state only.
+
+given(Class, P, D) :-
+    wider(Class, P, W),
+    mask(Class, M),
+    D is W /\ M.
+
+%!  diagonal(+Class, +R, -D) is det.
+%
+%   D(x) is R(x,x). Class is role(X,X).
+
+diagonal(role(T,T), R, D) :-
+    mask(con(T), M),
+    lift(role(T,T), M, L),
+    diagonal_mask(T, Same),
+    P is R /\ L /\ Same,
+    some(role(T,T), P, D).
+
+diagonal_mask(T, Mask) :-
+    shape(role(T,T), N, W),
+    state_count(S),
+    Ones is (1<<S) - 1,
+    Last is N-1,
+    findall(I-Block, ( between(0, Last, I), Block is Ones << (I*S) ), Blocks),
+    assemble(Blocks, W, Mask).
 
 %!  warm(+Classes, +C) is det.
 %

@@ -6,6 +6,7 @@
             owner/3,                % ?Predicate, ?Sort, ?Position
             at_most_one/1,          % ?Predicate
             fluent/1,               % +Predicate
+            state/2,                % ?State, ?Problem
             transition/3,           % ?Transition, ?From, ?To
             state_count/1,          % -Count
             entity_count/2,         % ?Sort, -Count
@@ -40,6 +41,7 @@ The file is read term by term, never consulted: it cannot run anything.
 %!  display(?Name, ?Text) is nondet.
 %!  owner(?Predicate, ?Sort, ?Position) is nondet.
 %!  at_most_one(?Predicate) is nondet.
+%!  state(?State, ?Problem) is nondet.
 %!  transition(?Transition, ?From, ?To) is nondet.
 %
 %   The facts as read. An entity of Sort at Position of Predicate is a stream's output, which determines the

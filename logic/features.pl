@@ -3,7 +3,8 @@
             collect_features/1,     % +Cost
             representative/7,       % ?Id, ?Cost, ?Kind, ?Item, -Pos, -Inc, -Dec
             transition_bit/2,       % ?Bit, -Transition
-            feature_count/2         % ?What, -Number
+            find_feature/4,         % +Class, +Planes, -Id, -How
+            feature_count/3         % ?Level, ?What, -Number
           ]).
 :- use_module(library(apply), [foldl/4]).
 :- use_module(facts).
@@ -26,7 +27,8 @@ are dropped.
     best/9,         % Class, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec
     representative/7,
     transition_bit/2,
-    gather/4.       % Sources, Targets, Shift, Mask
+    gather/4,       % Sources, Targets, Shift, Mask
+    feature_count/3.
 
 %!  representative(?Id, ?Cost, ?Kind, ?Item, -Pos, -Inc, -Dec) is nondet.
 %
@@ -46,8 +48,8 @@ start_features :-
     retractall(representative(_,_,_,_,_,_,_)),
     forall(member(Name, [values, behaviours]),
            ( trie_new(Trie), nb_setval(Name, Trie) )),
-    forall(member(Name, [features, constant_features, distinct_values, behaviour_count]),
-           nb_setval(Name, 0)),
+    retractall(feature_count(_, _, _)),
+    nb_setval(behaviour_count, 0),
     prepare_transitions.
 
 % Values before and after a transition are brought together by multiplication: P*Sources has a copy of
@@ -82,39 +84,39 @@ place_copy(N, Shift, D, I-Sources0-Targets0, I1-Sources-Targets) :-
 %   Turn the formulas of level Cost into features and number the new representatives.
 
 collect_features(Cost) :-
+    forall(counter(_, Key), nb_setval(Key, 0)),
     (   feature_item(Cost, Class, Item, Bits),
         offer_feature(Class, Cost, Item, Bits),
         fail
     ;   true
     ),
-    number_representatives(Cost).
+    number_representatives(Cost),
+    forall(( counter(What, Key), nb_getval(Key, N), N > 0 ),
+           assertz(feature_count(Cost, What, N))).
 
 feature_item(Cost, Class, Item, Bits) :-
     bucket(Bucket, Class, Literals, Variables, _),
     ( Class = con(_) ; Class == prop ),
     Cost =:= max(Literals, Variables),
-    item(Bucket, Item, _, _, Bits).
+    item(Bucket, Item, _, _, _, Bits).
 
 offer_feature(Class, Cost, Item, Bits) :-
-    increment(features),
     count_bits(Class, Bits, Planes),
     meta(Item, Size, Rank, Bound, _, _),
     kind(Class, Bound, Kind),
     nb_getval(values, Values),
     (   trie_lookup(Values, Kind-Planes, behaviour(Behaviour, Pos, Inc, Dec))
-    ->  true
-    ;   increment(distinct_values),
-        behaviour(Planes, Pos, Inc, Dec),
+    ->  increment(count_same_values)
+    ;   behaviour(Planes, Pos, Inc, Dec),
         (   constant(Pos, Inc, Dec)
-        ->  increment(constant_features),
-            Behaviour = none
+        ->  Behaviour = none
         ;   canonical(Kind, Pos, Inc, Dec, Key),
             behaviour_number(Key, Behaviour)
         ),
         trie_insert(Values, Kind-Planes, behaviour(Behaviour, Pos, Inc, Dec))
     ),
     (   Behaviour == none
-    ->  true
+    ->  increment(count_constant)
     ;   offer_best(Behaviour, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec)
     ).
 
@@ -138,9 +140,10 @@ canonical(boolean, Pos, Inc, Dec, boolean(Key)) :-
 behaviour_number(Key, Number) :-
     nb_getval(behaviours, Trie),
     (   trie_lookup(Trie, Key, Number)
-    ->  true
+    ->  increment(count_same_behaviour)
     ;   nb_getval(behaviour_count, Number),
         increment(behaviour_count),
+        increment(count_new),
         trie_insert(Trie, Key, Number)
     ).
 
@@ -203,17 +206,57 @@ number_representatives(Cost) :-
            ( Id is N0 + I,
              assertz(representative(Id, Cost, Kind, Item, Pos, Inc, Dec)) )).
 
-%!  feature_count(?What, -Number) is nondet.
+%!  find_feature(+Class, +Planes, -Id, -How) is det.
 %
-%   Numbers since start_features/0: all features (`features`), those with different values somewhere
-%   (`distinct_values`), of these the ones that never change (`constant_features`), and the
-%   `representatives`.
+%   How the feature of a formula of Class with these values is in the pool; see pool_formula/1.
 
-feature_count(What, Number) :-
-    member(What, [features, distinct_values, constant_features]),
-    nb_getval(What, Number).
-feature_count(representatives, Number) :-
-    aggregate_all(count, representative(_, _, _, _, _, _, _), Number).
+find_feature(Class, Planes, Id, How) :-
+    behaviour(Planes, Pos, Inc, Dec),
+    (   constant(Pos, Inc, Dec)
+    ->  Id = none,
+        How = constant
+    ;   findall(Cost-(Id1-How1),
+                ( possible_kind(Class, Planes, Kind),
+                  canonical(Kind, Pos, Inc, Dec, Key),
+                  nb_getval(behaviours, Trie),
+                  trie_lookup(Trie, Key, Behaviour),
+                  found(Behaviour, Planes, Id1, How1),
+                  once(representative(Id1, Cost, _, _, _, _, _)) ),
+                Found0),
+        keysort(Found0, [_-(Id0-How0)|_])
+    ->  Id = Id0,
+        How = How0
+    ;   Id = none,
+        How = absent
+    ).
+
+% A count that never exceeds one is compared with Boolean features, too.
+possible_kind(Class, _, numeric) :- Class \== prop.
+possible_kind(_, [_], boolean).
+
+found(Behaviour, Planes, Id, How) :-
+    once(best(Behaviour, _, _, _, Item, _, _, _, _)),
+    once(representative(Id, _, _, Item, Pos, _, _)),
+    once(item(Bucket, Item, _, _, _, Bits)),
+    bucket(Bucket, Class, _, _, _),
+    count_bits(Class, Bits, Planes1),
+    foldl([P, U0, U]>>(U is U0 \/ P), Planes, 0, Here),
+    (   Planes1 == Planes
+    ->  How = same_values
+    ;   Pos =\= Here
+    ->  How = complement
+    ;   How = same_behaviour
+    ).
+
+%!  feature_count(?Level, ?What, -Number) is nondet.
+%
+%   What became of the formulas of a Level as features: `constant` (the same value in all states), `same_values`
+%   as a feature before, `same_behaviour` (other values, but positive, rising and falling alike), or `new`.
+
+counter(constant, count_constant).
+counter(same_values, count_same_values).
+counter(same_behaviour, count_same_behaviour).
+counter(new, count_new).
 
 increment(What) :-
     nb_getval(What, N0),

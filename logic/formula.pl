@@ -1,12 +1,15 @@
 :- module(formula,
           [ formula/3,              % +Rule, +Operands, -Formula
-            item_formula/4        % +Id, -Variable, -Sort, -Formula
+            item_formula/4,         % +Id, -Variable, -Sort, -Formula
+            formula_size/2          % +Formula, -Size
           ]).
 :- use_module(library(lists), [nth1/3]).
 :- use_module(library(apply), [foldl/4]).
 :- use_module(facts).
 :- use_module(rules).
-:- use_module(generate, [meta/6, item/5, bucket/5]).
+:- use_module(generate, [meta/6, item/6, bucket/5]).
+:- use_module(concepts, [concept/4]).
+:- use_module(notation, [rename/5]).
 
 /** <module> The first-order formula of an item
 
@@ -20,7 +23,7 @@ in order of appearance, all different.
 %   Formula is what item Id says of Variable of Sort; both are `none` if it is closed.
 
 item_formula(Id, Variable, Sort, Formula) :-
-    once(item(Bucket, Id, _, _, _)),
+    once(item(Bucket, Id, _, _, _, _)),
     bucket(Bucket, Class, _, _, _),
     (   Class = con(Sort)
     ->  Variable = v0
@@ -49,6 +52,10 @@ result_class(view(Name, Positions), _, Class) :-
     same_length(Positions, Sorts),
     predicate(Name, _),
     Class =.. [view|Sorts].
+result_class(concept(_, Positions), _, Class) :-
+    !,
+    same_length(Positions, Sorts),
+    Class =.. [view|Sorts].
 result_class(Rule, Operands, Class) :-
     operand_classes(Operands, Classes),
     grammar_rule(_, Rule, Classes, Class, _, _, _),
@@ -56,7 +63,7 @@ result_class(Rule, Operands, Class) :-
 
 operand_classes([], []).
 operand_classes([Id|Ids], [Class|Classes]) :-
-    once(item(Bucket, Id, _, _, _)),
+    once(item(Bucket, Id, _, _, _, _)),
     bucket(Bucket, Class, _, _, _),
     operand_classes(Ids, Classes).
 
@@ -66,6 +73,11 @@ read_rule(view(Name, Positions), _, Variables, Formula, N0, N) :-
     arguments(Sorts, 1, Positions, Variables, Arguments, Bound, N0, N),
     Atom =.. [Name|Arguments],
     foldl([V-T, F, some(V,T,F)]>>true, Bound, Atom, Formula).
+read_rule(concept(Name, Positions), _, Variables, Formula, N0, N) :-
+    !,
+    concept(Name, Arguments, _, Formula0),
+    findall(Old-New, ( nth1(I, Variables, New), nth1(I, Positions, J), nth1(J, Arguments, Old) ), Substitution),
+    rename(Formula0, Substitution, Formula, N0, N).
 read_rule(Rule, Operands, Variables, Formula, N0, N) :-
     operand_classes(Operands, Classes),
     says(Rule, Classes, Operands, Variables, Template),
@@ -113,3 +125,20 @@ expand(implies(A, B), implies(F, G), N0, N) :-
     expand(A, F, N0, N1),
     expand(B, G, N1, N).
 expand(true, true, N, N).
+
+%!  formula_size(+Formula, -Size) is det.
+%
+%   How many atoms, connectives and quantifiers Formula has.
+
+formula_size(Formula, Size) :-
+    findall(x, part(Formula), Parts),
+    length(Parts, Size).
+
+part(_).
+part(neg(F)) :- part(F).
+part(conj(F, G)) :- part(F) ; part(G).
+part(disj(F, G)) :- part(F) ; part(G).
+part(implies(F, G)) :- part(F) ; part(G).
+part(some(_, _, F)) :- part(F).
+part(every(_, _, F)) :- part(F).
+part(closure(_, _, _, F, _, _)) :- part(F).

@@ -4,14 +4,21 @@
             pool_level/1,           % +Cost
             pool_features/1,        % +Cost
             pool_formulas/1,        % +Cost
+            pool_values/1,          % +Cost
+            pool_satisfying/1,      % +State
+            pool_formula/1,         % +Text
             pool_statistics/0
           ]).
+:- use_module(library(lists), [member/2]).
 :- use_module(facts).
 :- use_module(engine).
 :- use_module(rules).
 :- use_module(generate).
 :- use_module(features).
 :- use_module(formula).
+:- use_module(concepts).
+:- use_module(evaluate).
+:- use_module(notation, [formula_cost/3]).
 
 /** <module> The feature pool
 
@@ -42,6 +49,7 @@ pool_grammar(Files) :-
 pool_open(File) :-
     read_facts(File),
     engine_setup,
+    open_concepts,
     start_generating,
     start_features.
 
@@ -75,17 +83,127 @@ pool_formulas(Cost) :-
            ( item_formula(Item, Variable, Sort, Formula),
              print_fact(formula(Id, Variable, Sort, Formula)) )).
 
+%!  pool_values(+Cost:nonneg) is det.
+%
+%   Print lines `Id TAB Values` for the representatives of this Cost: the value of the feature in every state.
+
+pool_values(Cost) :-
+    forall(representative(Id, Cost, _, Item, _, _, _),
+           ( item_value(Item, Planes),
+             values_of(Planes, Values),
+             print_row([Id], Values) )).
+
+%!  pool_satisfying(+State:nonneg) is det.
+%
+%   Print lines `Id TAB Entities` for all representatives that count: what satisfies the feature in State.
+
+pool_satisfying(State) :-
+    forall(( representative(Id, _, _, Item, _, _, _),
+             item_denotation(Item, Class, Bits),
+             entities_in(Class, Bits, State, Entities) ),
+           print_row([Id], Entities)).
+
+%!  pool_formula(+Text) is det.
+%
+%   Read a feature (see notation.pl), evaluate it exactly, and find it in the pool. Prints lines of fields between
+%   tabs: `formula` and a formula/4 with number 0; `cost`; `values` in all states; for each state `satisfying`, the
+%   state and what satisfies (if it counts); and `match` with one of
+%
+%     - Id, `same_values`: the pool has a feature with these values (perhaps this one)
+%     - Id, `same_behaviour`: one that is positive, rises and falls where this does
+%     - Id, `complement`: one that is true where this is false
+%     - none, `constant`: it has the same value in all states, which is of no use
+%     - none, `absent`: nothing like it in the pool made so far
+%
+%   @error notation_error(Column, Message)
+
+pool_formula(Text) :-
+    read_formula(Text, Variable, Sort, Formula),
+    write('formula\t'),
+    print_fact(formula(0, Variable, Sort, Formula)),
+    formula_cost(formula(Variable, Formula), hidden, Cost),
+    print_row([cost], [Cost]),
+    (   Variable == none
+    ->  Free = [],
+        Class = prop
+    ;   Free = [Variable-Sort],
+        Class = con(Sort)
+    ),
+    (   shape(Class, _, _)
+    ->  denotation(Formula, Free, Class, Bits),
+        count_bits(Class, Bits, Planes)
+    ;   Bits = 0,
+        Planes = []
+    ),
+    values_of(Planes, Values),
+    print_row([values], Values),
+    forall(entities_in(Class, Bits, State, Entities), print_row([satisfying,State], Entities)),
+    find_feature(Class, Planes, Id, How),
+    print_row([match], [Id,How]).
+
+% hidden(+Atom, +Positions): some view shows all arguments of Atom but those at Positions.
+
+hidden(Atom, Positions) :-
+    functor(Atom, Name, Arity),
+    numlist(1, Arity, All),
+    subtract(All, Positions, Visible),
+    meta(_, _, _, _, view(Name, Shown), _),
+    msort(Shown, Visible),
+    !.
+
+item_denotation(Item, Class, Bits) :-
+    item(Bucket, Item, _, _, _, Bits),
+    !,
+    bucket(Bucket, Class, _, _, _).
+
+item_value(Item, Planes) :-
+    item_denotation(Item, Class, Bits),
+    count_bits(Class, Bits, Planes).
+
+values_of(Planes, Values) :-
+    state_count(N),
+    Last is N-1,
+    findall(Value,
+            ( between(0, Last, S),
+              foldl([P, W-V0, W2-V]>>( W2 is W*2, V is V0 + W * getbit(P, S) ), Planes, 1-0, _-Value) ),
+            Values).
+
+entities_in(con(Sort), Bits, State, Entities) :-
+    state(State, Problem),
+    state_count(S),
+    findall(E,
+            ( slot(E, Problem, Sort, I),
+              Position is I*S + State,
+              getbit(Bits, Position) =:= 1 ),
+            Entities0),
+    sort(Entities0, Entities).
+
 %!  pool_statistics is det.
 %
-%   Print what happened so far as stat(What, Number), one a line.
+%   Print what happened so far, one fact a line: stat(What, Number) for formulas and features, and for each level
+%   and rule, pruned(Level, Rule, What, Number); What is explained at rule_count/4 and feature_count/2. The rule
+%   `features` stands for the last step, from formulas to features.
 
 pool_statistics :-
-    forall(( count(What, N) ; feature_count(What, N) ),
-           print_fact(stat(What, N))).
+    forall(rule_count(Level, Rule, What, N),
+           print_fact(pruned(Level, Rule, What, N))),
+    forall(feature_count(Level, What, N),
+           print_fact(pruned(Level, features, What, N))),
+    formula_count(Formulas),
+    print_fact(stat(formulas, Formulas)),
+    aggregate_all(count, representative(_, _, _, _, _, _, _), Features),
+    print_fact(stat(features, Features)),
+    aggregate_all(sum(N), rule_count(_, _, too_large, N), TooLarge),
+    print_fact(stat(views_too_large, TooLarge)).
 
 print_fact(Fact) :-
     write_term(Fact, [quoted(true), ignore_ops(true)]),
     format(".~n").
+
+print_row(Fields, Words) :-
+    forall(member(Field, Fields), format("~w\t", [Field])),
+    atomic_list_concat(Words, ' ', Row),
+    format("~w~n", [Row]).
 
 bit(Bits, I) :-
     Bits =\= 0,

@@ -5,11 +5,18 @@
             says/5,                 % +Name, +OperandClasses, +Operands, +Variables, -Formula
             bound/3,                % ?Name, ?OperandBounds, ?Bound
             cap/2,                  % ?What, ?Limit
+            rule_law/4,             % ?Rule, ?RuleA, ?RuleB, -Patterns
+            pruning/1,              % +What
+            concept_at/6,           % ?Name, ?Variables, ?Formula, ?Cost, ?File, ?Line
+            rule_failed/3,          % +Rule, +OperandClasses, +ResultClass
+            grammar_error/4,        % +File, +Line, +Format, +Arguments
             op(200, xfx, @)         % Operand@Variables, in says/5
           ]).
 :- use_module(library(lists), [member/2, nth1/3]).
 :- use_module(engine).
+:- use_module(library(apply), [exclude/3, maplist/3]).
 :- use_module(bridge, [message_string/2]).
+:- use_module(notation, [parse_concept/4]).
 
 /** <module> Reading grammar files safely
 
@@ -25,7 +32,9 @@ Whatever is wrong is collected as diagnostic(File, Line, Column, Message).
     grammar_rule/7,
     rule_at/6,                  % Name, Operands, Result, Cost, File, Line
     clause_at/4,                % Kind, Name, File, Line
-    commutative/1, implication/1, off/1,
+    law_at/5,                   % Name, Left, Right, File, Line
+    concept_at/6, rule_law/4,
+    commutative/1, implication/1, cost/2, off/1,
     found/1.
 
 %!  grammar_rule(?Index, ?Name, ?Operands, ?Result, ?Cost, ?Commutative, ?Implications) is nondet.
@@ -39,6 +48,15 @@ Whatever is wrong is collected as diagnostic(File, Line, Column, Message).
 %
 %   The clauses of the grammar, as grammar.lp describes them.
 
+%!  rule_law(?Rule, ?RuleA, ?RuleB, -Patterns) is nondet.
+%
+%   What Rule makes of operands that match Patterns is made elsewhere. RuleA and RuleB are the rules that made
+%   the operands, where a pattern says so (and - for want of a second operand).
+
+%!  concept_at(?Name, ?Variables, ?Formula, ?Cost, ?File, ?Line) is nondet.
+%
+%   A concept as written: Formula is what notation.pl read, over the names Variables.
+
 %!  load_grammars(+Files:list, -Diagnostics:list) is det.
 %
 %   Replace the grammar by the clauses of all Files. Where Diagnostics is not empty the grammar must not
@@ -47,11 +65,13 @@ Whatever is wrong is collected as diagnostic(File, Line, Column, Message).
 load_grammars(Files, Diagnostics) :-
     forall(member(Head, [ sem(_,_,_,_,_), says(_,_,_,_,_), bound(_,_,_), cap(_,_),
                           grammar_rule(_,_,_,_,_,_,_), rule_at(_,_,_,_,_,_), clause_at(_,_,_,_),
-                          commutative(_), implication(_), off(_), found(_) ]),
+                          law_at(_,_,_,_,_), concept_at(_,_,_,_,_,_), rule_law(_,_,_,_),
+                          commutative(_), implication(_), cost(_,_), off(_), found(_) ]),
            retractall(Head)),
     forall(member(File, Files), read_grammar(File)),
     check_grammar,
     index_rules,
+    index_laws,
     findall(D, found(D), Diagnostics).
 
 report(File, Line, Column, Format, Arguments) :-
@@ -136,26 +156,36 @@ accept(rule(Name, Operands, Result, Cost), File, Line, Problem) :-
     ).
 accept((sem(Name, Classes, Class, Operands, D) :- Body), File, Line, Problem) :-
     !,
-    (   \+ atom(Name)
-    ->  Problem = "the name of a rule must be an atom"
-    ;   body_problem(Body, Problem)
+    (   head_problem(Name, Classes, Operands, Problem)
     ->  true
-    ;   assertz((sem(Name, Classes, Class, Operands, D) :- Body)),
-        assertz(clause_at(sem, Name, File, Line))
+    ;   term_variables(Classes-Class-Operands, Known),
+        body_problem(Body, Known, Computed, Problem0)
+    ->  (   nonvar(Problem0)
+        ->  Problem = Problem0
+        ;   \+ defined(D, Computed)
+        ->  Problem = "the denotation (last argument) is never computed"
+        ;   assertz((sem(Name, Classes, Class, Operands, D) :- Body)),
+            assertz(clause_at(sem, Name, File, Line))
+        )
     ).
 accept(sem(Name, Classes, Class, Operands, D), File, Line, Problem) :-
     !,
-    (   atom(Name)
-    ->  assertz(sem(Name, Classes, Class, Operands, D)),
+    (   head_problem(Name, Classes, Operands, Problem)
+    ->  true
+    ;   term_variables(Operands, Known),
+        \+ defined(D, Known)
+    ->  Problem = "the denotation (last argument) is never computed"
+    ;   assertz(sem(Name, Classes, Class, Operands, D)),
         assertz(clause_at(sem, Name, File, Line))
-    ;   Problem = "the name of a rule must be an atom"
     ).
 accept(says(Name, Classes, Operands, Variables, Formula), File, Line, Problem) :-
     !,
-    (   atom(Name)
-    ->  assertz(says(Name, Classes, Operands, Variables, Formula)),
+    (   head_problem(Name, Classes, Operands, Problem)
+    ->  true
+    ;   says_problem(Formula, Problem)
+    ->  true
+    ;   assertz(says(Name, Classes, Operands, Variables, Formula)),
         assertz(clause_at(says, Name, File, Line))
-    ;   Problem = "the name of a rule must be an atom"
     ).
 accept(bound(Name, Bounds, Bound), File, Line, _) :-
     atom(Name), is_list(Bounds),
@@ -181,6 +211,90 @@ accept(off(Name), File, Line, _) :-
     atom(Name),
     assertz(off(Name)),
     assertz(clause_at(off, Name, File, Line)).
+accept(cost(Name, Cost), File, Line, Problem) :-
+    !,
+    (   \+ atom(Name)
+    ->  Problem = "the name of a rule must be an atom"
+    ;   \+ natural(Cost)
+    ->  Problem = "the cost of a rule is a natural number"
+    ;   retractall(cost(Name, _)),
+        assertz(cost(Name, Cost)),
+        assertz(clause_at(cost, Name, File, Line))
+    ).
+accept(law(Name, Left, Right), File, Line, Problem) :-
+    !,
+    (   \+ atom(Name)
+    ->  Problem = "the name of a law must be an atom"
+    ;   \+ ( compound(Left), functor(Left, _, N), between(1, 2, N) )
+    ->  Problem = "the left side of a law is a rule with its operands"
+    ;   term_variables(Left, Known),
+        term_variables(Right, Used),
+        member(V, Used),
+        \+ defined(V, Known)
+    ->  Problem = "the right side of a law has a variable that the left side lacks"
+    ;   assertz(law_at(Name, Left, Right, File, Line))
+    ).
+accept(concept(Head, Text, Cost), File, Line, Problem) :-
+    !,
+    (   \+ ( text(Head), text(Text) )
+    ->  Problem = "a concept is concept(\"Name(x)\", \"formula\", Cost)"
+    ;   \+ ( integer(Cost), Cost >= 1 )
+    ->  Problem = "the cost of a concept is a positive number"
+    ;   catch(( parse_concept(Head-Text, Name, Variables, Formula), Error = none ),
+              error(notation_error(Column, Message), _),
+              Error = Column-Message),
+        (   Error = At-What
+        ->  format(string(Problem), "~w (at character ~d of the text)", [What, At])
+        ;   concept_at(Name, _, _, _, _, Line0)
+        ->  format(string(Problem), "concept `~w` exists already (line ~d)", [Name, Line0])
+        ;   assertz(concept_at(Name, Variables, Formula, Cost, File, Line))
+        )
+    ).
+
+text(Text) :- string(Text), !.
+text(Text) :- atom(Text).
+
+natural(N) :- integer(N), N >= 0.
+
+head_problem(Name, _, _, "the name of a rule must be an atom") :-
+    \+ atom(Name),
+    !.
+head_problem(_, Classes, _, "the operand classes are a list, or _") :-
+    nonvar(Classes),
+    \+ is_list(Classes),
+    !.
+head_problem(_, _, Operands, "the operands are a list of variables") :-
+    \+ ( is_list(Operands), forall(member(V, Operands), var(V)) ).
+
+defined(V, Known) :-
+    member(W, Known),
+    V == W,
+    !.
+
+says_problem(Term, "the formula of a rule is a variable; an operand's is Operand@Variables") :-
+    var(Term),
+    !.
+says_problem(Operand@_, Problem) :-
+    !,
+    nonvar(Operand),
+    Problem = "the left side of @ is an operand".
+says_problem(Term, Problem) :-
+    (   connective(Term, Parts)
+    ->  member(Part, Parts),
+        says_problem(Part, Problem)
+    ;   functor_text(Term, Text),
+        format(string(Problem), "`~w` is no part of a formula", [Text])
+    ),
+    !.
+
+connective(true, []).
+connective(neg(F), [F]).
+connective(conj(F, G), [F,G]).
+connective(disj(F, G), [F,G]).
+connective(implies(F, G), [F,G]).
+connective(some(_, _, F), [F]).
+connective(every(_, _, F), [F]).
+connective(closure(_, _, _, F, _, _), [F]).
 
 rule_problem(Name, _, _, _, "the name of a rule must be an atom") :-
     \+ atom(Name),
@@ -198,9 +312,12 @@ rule_problem(_, Operands, Result, _, Problem) :-
     !,
     format(string(Problem), "unknown class `~p`", [Class]).
 rule_problem(_, _, _, Cost, "the cost of a rule is a natural number") :-
-    \+ ( integer(Cost), Cost >= 0 ),
+    \+ natural(Cost),
     !.
 rule_problem(_, [Class], Result, 0, "a rule from a class to itself must cost at least 1") :-
+    same_class(Class, Result).
+
+same_class(Class, Result) :-
     nonvar(Class), nonvar(Result),
     functor(Class, F, N),
     functor(Result, F, N).
@@ -216,19 +333,36 @@ known_class(link(_)).
 known_class(own(_)).
 known_class(test(_)).
 
-body_problem(Body, "the body calls a variable") :-
+% body_problem(+Body, +Known, -Computed, -Problem): Computed is Known and what Body computes. Every primitive
+% computes its last argument from the others.
+
+body_problem(Body, Known, Known, "the body calls a variable") :-
     var(Body),
     !.
-body_problem((A, B), Problem) :-
+body_problem((A, B), Known, Computed, Problem) :-
     !,
-    (   body_problem(A, Problem)
-    ->  true
-    ;   body_problem(B, Problem)
+    body_problem(A, Known, Known1, Problem0),
+    (   nonvar(Problem0)
+    ->  Problem = Problem0,
+        Computed = Known1
+    ;   body_problem(B, Known1, Computed, Problem)
     ).
-body_problem(Goal, Problem) :-
+body_problem(Goal, Known, Known, Problem) :-
     \+ primitive(Goal),
+    !,
     functor_text(Goal, Text),
     format(string(Problem), "`~w` is not a primitive of the engine", [Text]).
+body_problem(Goal, Known, [D|Known], Problem) :-
+    Goal =.. [Name|Arguments],
+    append(Inputs, [D], Arguments),
+    (   term_variables(Inputs, Used),
+        member(V, Used),
+        \+ defined(V, Known)
+    ->  format(string(Problem), "`~w` uses a variable that is not computed before it", [Name])
+    ;   ( nonvar(D) ; defined(D, Known) )
+    ->  format(string(Problem), "the last argument of `~w` is its result, a new variable", [Name])
+    ;   true
+    ).
 
 % Every rule needs a meaning and a text; every other clause needs its rule.
 
@@ -238,8 +372,16 @@ check_grammar :-
              \+ clause_at(Kind, Name, _, _) ),
            report(File, Line, 1, "rule `~w` has no ~s", [Name, What])),
     forall(( clause_at(Kind, Name, File, Line),
-             \+ rule_at(Name, _, _, _, _, _) ),
+             \+ rule_at(Name, _, _, _, _, _),
+             \+ ( Kind == off, ( Name == uniqueness ; law_at(Name, _, _, _, _) ) ) ),
            report(File, Line, 1, "`~w` speaks of the rule `~w`, which does not exist", [Kind, Name])),
+    forall(( law_at(Name, Left, Right, File, Line),
+             once(( member(Side, [Left, Right]),
+                    unknown_application(Side, Unknown) )) ),
+           report(File, Line, 1, "law `~w` speaks of ~w, which is no rule", [Name, Unknown])),
+    forall(( cost(Name, 0), rule_at(Name, [Class], Result, _, _, _), same_class(Class, Result),
+             clause_at(cost, Name, File, Line) ),
+           report(File, Line, 1, "a rule from a class to itself must cost at least 1", [])),
     forall(( rule_at(Name, _, _, _, File, Line), commutative(Name) ),
            (   rule_at(Name, [A,B], _, _, _, _), A =@= B
            ->  true
@@ -247,15 +389,82 @@ check_grammar :-
                       [Name])
            )).
 
+unknown_application(Term, Unknown) :-
+    nonvar(Term),
+    \+ memberchk(Term, [true, false]),
+    functor(Term, Name, N),
+    (   rule_at(Name, Operands, _, _, _, _),
+        length(Operands, N)
+    ->  arg(_, Term, Argument),
+        unknown_application(Argument, Unknown)
+    ;   Unknown = Name/N
+    ).
+
 % Rules get their number in file order (which is the order of preference) and are tried by result class:
 % formulas with more variables first, because rules of cost 0 turn them into those with fewer.
 
 index_rules :-
     findall(Name-rule(Operands, Result, Cost),
-            ( rule_at(Name, Operands, Result, Cost, _, _),
-              \+ off(Name) ),
+            ( rule_at(Name, Operands, Result, Cost0, _, _),
+              \+ off(Name),
+              ( cost(Name, Cost) -> true ; Cost = Cost0 ) ),
             Rules),
     forall(nth1(Index, Rules, Name-rule(Operands, Result, Cost)),
            ( ( commutative(Name) -> Commutative = true ; Commutative = false ),
              ( implication(Name) -> Implications = 1 ; Implications = 0 ),
              assertz(grammar_rule(Index, Name, Operands, Result, Cost, Commutative, Implications)) )).
+
+% A law is used only while all its rules are: what it drops must be made elsewhere.
+
+index_laws :-
+    forall(( law_at(Name, Left, Right, _, _),
+             \+ off(Name),
+             \+ ( member(Side, [Left, Right]), uses_off(Side) ),
+             Left =.. [Rule|Patterns0],
+             ordered(Rule, Patterns0, Patterns) ),
+           ( pattern_rules(Patterns, RuleA, RuleB),
+             assertz(rule_law(Rule, RuleA, RuleB, Patterns)) )).
+
+uses_off(Term) :-
+    compound(Term),
+    (   functor(Term, Name, _),
+        off(Name)
+    ;   arg(_, Term, Argument),
+        uses_off(Argument)
+    ),
+    !.
+
+ordered(_, Patterns, Patterns).
+ordered(Rule, [A,B], [B,A]) :-
+    commutative(Rule),
+    \+ [A,B] =@= [B,A].
+
+pattern_rules([A], RuleA, -) :- pattern_rule(A, RuleA).
+pattern_rules([A,B], RuleA, RuleB) :- pattern_rule(A, RuleA), pattern_rule(B, RuleB).
+
+pattern_rule(Pattern, _) :- var(Pattern), !.
+pattern_rule(Pattern, Rule) :- functor(Pattern, Rule, _).
+
+%!  pruning(+What) is semidet.
+%
+%   What (`uniqueness`) has not been switched off.
+
+pruning(What) :-
+    \+ off(What).
+
+%!  rule_failed(+Rule, +OperandClasses, +ResultClass) is det.
+%
+%   @error grammar_error(File, Line, Message)
+
+rule_failed(Name, Operands, Result) :-
+    rule_at(Name, _, _, _, File, Line),
+    grammar_error(File, Line, "rule `~w` has no meaning for operands ~p and result ~p: no clause of sem/5 applies",
+                  [Name, Operands, Result]).
+
+%!  grammar_error(+File, +Line, +Format, +Arguments) is det.
+%
+%   @error grammar_error(File, Line, Message) always
+
+grammar_error(File, Line, Format, Arguments) :-
+    format(string(Message), Format, Arguments),
+    throw(error(grammar_error(File, Line, Message), _)).

@@ -253,7 +253,7 @@ says(plus, [role(T,_)], [R], [Y,X], closure(U, W, T, R@[U,W], Y, X)).
 def test_a_user_rule_adds_transitive_closure(tmp_path: Path) -> None:
     (tmp_path / "plus.lp").write_text(CLOSURE)
     data = synthetic.unstack(4, poses=4)
-    pool = generate_pool(data.text(), max_cost=3, grammars=[tmp_path / "plus.lp"])
+    pool = generate_pool(data.text(), max_cost=4, grammars=[tmp_path / "plus.lp"])
     with_closure = [i for i, f in pool.formulas.items() if "closure(" in f]
     assert with_closure
     assert_exact(data, pool, with_closure)
