@@ -215,8 +215,12 @@ fold(1, _, D, D) :- !.
 fold(N, W, A, D) :-
     H is (N+1) // 2,
     Half is H*W,
-    A1 is (A /\ ((1<<Half) - 1)) \/ (A >> Half),
-    fold(H, W, A1, D).
+    B is A >> Half,
+    (   B =:= 0
+    ->  fold(H, W, A, D)
+    ;   C is (A /\ ((1<<Half) - 1)) \/ B,
+        fold(H, W, C, D)
+    ).
 
 %!  restrict(+Class, +C, +R, -D) is det.
 %

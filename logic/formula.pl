@@ -4,7 +4,6 @@
             formula_size/2          % +Formula, -Size
           ]).
 :- use_module(library(lists), [nth1/3]).
-:- use_module(library(apply), [foldl/4]).
 :- use_module(facts).
 :- use_module(rules).
 :- use_module(generate, [meta/6, item/6, bucket/5]).
@@ -40,8 +39,13 @@ item_formula(Id, Variable, Sort, Formula) :-
 formula(Rule, Operands, Formula) :-
     result_class(Rule, Operands, Class),
     Class =.. [_|Sorts],
-    foldl([_, V, N0, N]>>variable(N0, N, V), Sorts, Variables, 0, Next),
+    variables(Sorts, Variables, 0, Next),
     read_rule(Rule, Operands, Variables, Formula, Next, _).
+
+variables([], [], N, N).
+variables([_|Sorts], [V|Vs], N0, N) :-
+    variable(N0, N1, V),
+    variables(Sorts, Vs, N1, N).
 
 variable(N0, N, V) :-
     atom_concat(v, N0, V),
@@ -72,7 +76,7 @@ read_rule(view(Name, Positions), _, Variables, Formula, N0, N) :-
     predicate(Name, Sorts),
     arguments(Sorts, 1, Positions, Variables, Arguments, Bound, N0, N),
     Atom =.. [Name|Arguments],
-    foldl([V-T, F, some(V,T,F)]>>true, Bound, Atom, Formula).
+    bind_all(Bound, Atom, Formula).
 read_rule(concept(Name, Positions), _, Variables, Formula, N0, N) :-
     !,
     concept(Name, Arguments, _, Formula0),
@@ -83,6 +87,10 @@ read_rule(Rule, Operands, Variables, Formula, N0, N) :-
     says(Rule, Classes, Operands, Variables, Template),
     !,
     expand(Template, Formula, N0, N).
+
+bind_all([], F, F).
+bind_all([V-T|Bound], F0, F) :-
+    bind_all(Bound, some(V, T, F0), F).
 
 % The last quantifier introduced is the innermost.
 arguments([], _, _, _, [], [], N, N).

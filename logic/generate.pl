@@ -171,6 +171,8 @@ select_buckets([A,B], Commutative, Rules, [BucketA,BucketB], L, V) :-
     bucket(BucketA, A, LA, VA, _),
     bucket(BucketB, B, LB, VB, Made),
     \+ ( Commutative == true, Rules = [rule(Made, _, _, _)|_] ),
+    \+ \+ item(BucketA, _, _, _, _, _),
+    \+ \+ item(BucketB, _, _, _, _, _),
     L is LA + LB,
     V is VA + VB.
 
