@@ -170,6 +170,7 @@ class Recorder:
 def demonstrate(
     task: Task,
     *,
+    sizes: Sequence[int | str] = (),
     seed: int = 0,
     robot: str | None = None,
     around: bool = True,
@@ -177,18 +178,20 @@ def demonstrate(
     cache: bool = True,
     progress: Progress = lambda _: None,
 ) -> Dataset:
-    """Plan the training problems unguided and record what happens (or fetch it from the cache).
+    """Plan the training problems (or problems of other `sizes`) unguided and record what happens, or fetch the record
+    from the cache.
 
     All entities sampled while planning stay in the data, not only those the plan uses: samples in a plan's preimage
     are biased (paper, appendix). Raises NoAnswer or LimitReached from the planner, naming the problem.
     """
-    file = cache_path(task, seed, robot, around)
+    sizes = sizes or task.file.train
+    file = cache_path(task, seed, robot, around, sizes)
     if cache and file.is_file():
         progress(f"demonstrations from the cache ({file.name})")
         return Dataset.from_json(gzip.decompress(file.read_bytes()).decode())
     deadline = time.monotonic() + time_limit
     instances, plans = [], []
-    for index, size in enumerate(task.file.train):
+    for index, size in enumerate(sizes):
         instance = task.instance(size, seed * 1000 + index, robot=robot)
         left = deadline - time.monotonic()
         plan = solve_incremental(
@@ -207,9 +210,9 @@ def demonstrate(
     return recorder.data
 
 
-def cache_path(task: Task, seed: int, robot: str | None, around: bool) -> Path:
+def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Sequence[int | str]) -> Path:
     """Where these demonstrations are cached: the name is a digest of all that determines them."""
-    digest = hashlib.sha256(repr((gentamp_lp.__version__, seed, robot, around)).encode())
+    digest = hashlib.sha256(repr((gentamp_lp.__version__, seed, robot, around, [str(s) for s in sizes])).encode())
     code = Path(__file__).parent
     sources = [*code.glob("*.py"), *code.glob("streams/*.py"), *code.glob("geometry/*.py")]
     for path in [task.path, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:

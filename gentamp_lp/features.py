@@ -17,7 +17,7 @@ from gentamp_lp.streams.formula import (
     Not,
     Or,
     imply,
-    normalize,
+    restricts,
     substitute,
 )
 from gentamp_lp.streams.pddl import Axiom
@@ -83,20 +83,7 @@ class _Reader:
 
 def _guarded(formula: Formula, variable: str) -> bool:
     """Whether the formula can only be true of entities that fill some predicate's argument."""
-    return _fills(normalize(formula), variable)
-
-
-def _fills(formula: Formula, variable: str) -> bool:
-    match formula:
-        case Atom(predicate, args):
-            return predicate != "=" and variable in args
-        case And(parts):
-            return any(_fills(part, variable) for part in parts)
-        case Or(parts):
-            return bool(parts) and all(_fills(part, variable) for part in parts)
-        case Exists(_, body):  # normalized: binds other variables
-            return _fills(body, variable)
-    return False
+    return restricts(formula, variable, lambda atom, _: True)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
@@ -17,8 +16,9 @@ from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
+from gentamp_lp.openness import Openness
 from gentamp_lp.policy import Policy
-from gentamp_lp.pool import Pool, check_grammars, deepen, describe
+from gentamp_lp.pool import Pool, check_grammars, deepen, describe, split_formula
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
@@ -52,11 +52,20 @@ class Learned:
         """The JSON document of `gentamp-lp learn`."""
         policy = self.policy
         names = [feature.name for feature in policy.features]
+        sorts = {name: tuple(row) for name, row in self.dataset.predicates.items()}
+        openness = Openness(self.task.folder.domain, self.task.folder.streams, sorts)
         return {
             "task": self.task.name,
             "version": gentamp_lp.__version__,
             "features": [
-                {"name": f.name, "formula": f.text, "term": f.formula, "kind": f.kind, "cost": f.cost}
+                {
+                    "name": f.name,
+                    "formula": f.text,
+                    "term": f.formula,
+                    "kind": f.kind,
+                    "cost": f.cost,
+                    "open": openness.is_open(f.formula, f.variable, f.sort),
+                }
                 for f in policy.features
             ],
             "actions": [
@@ -126,7 +135,7 @@ def learn(
     `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an explanation
     when no policy exists over the pool, LimitReached when the limit ends without one.
     """
-    grammars = [*(task.path.parent / name for name in task.file.grammar), *grammars]
+    grammars = task.grammars(grammars)
     check_grammars(grammars)  # before minutes of planning, not after
     clock = _Clock()
     deadline = time.monotonic() + time_limit
@@ -287,12 +296,3 @@ def _learn_from(end: DeadEnd, instance: Instance, task: Task, data: Dataset, dea
     plan = solve_incremental(program, base, state, task.goal, quota=task.file.samples, time_limit=left)
     plan = canonical(program, base, state, task.goal, plan)
     Recorder(task, data, around=around).record(instance, plan, state)
-
-
-def split_formula(text: str) -> tuple[str | None, str | None, str]:
-    """Variable, sort and body of `formula(Id, Variable, Sort, Body)`; a closed formula has no variable."""
-    found = re.fullmatch(r"formula\(\d+, *(\w+), *(\w+), *(.*)\)\.?", text)
-    if found is None:
-        raise AssertionError(f"not a formula of the pool: {text}")
-    variable, sort, body = found.groups()
-    return (None, None, body) if variable == "none" else (variable, sort, body)

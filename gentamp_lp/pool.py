@@ -7,9 +7,10 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from gentamp_lp.errors import InputError
+from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.prolog import PrologProcess, parse_diagnostics, quote
 from gentamp_lp.resources import resource
 
@@ -39,6 +40,12 @@ class Pool:
     size: int
     statistics: dict[str, float | int]
     pruned: tuple[Pruned, ...] = ()
+
+    @cached_property
+    def kinds(self) -> dict[int, tuple[int, str]]:
+        """Cost and kind (boolean or numeric) of each feature."""
+        rows = re.findall(r"\bfeature\((\d+),(\d+),(\w+)\)", self.facts)
+        return {int(number): (int(cost), kind) for number, cost, kind in rows}
 
 
 @dataclass(frozen=True)
@@ -164,6 +171,21 @@ def deepen(
             yield session.deepen(cost)
 
 
+def find_grammar(name: str | Path, folder: Path = Path()) -> Path:
+    """The path of a grammar file, relative to `folder`; or a shipped one by its name, such as `paper`.
+
+    Raises InputError when there is none.
+    """
+    path = folder / name
+    shipped = resource("logic", f"{name}.lp")
+    if path.is_file() or path.suffix or len(Path(name).parts) > 1:
+        return path  # if it is missing, Prolog says so
+    if shipped.is_file():
+        return shipped
+    names = ", ".join(sorted(p.stem for p in resource("logic").glob("*.lp") if p.stem != "grammar"))
+    raise InputError(Diagnostic("no such grammar", str(name), hint=f"give the path of a file or one of: {names}"))
+
+
 def check_grammars(grammars: Sequence[Path]) -> None:
     """Raise `InputError` if the grammar files, added to the shipped grammar, are not usable."""
     with PrologProcess() as prolog:
@@ -177,6 +199,15 @@ def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
         diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))
     if diagnostics:
         raise InputError(*diagnostics)
+
+
+def split_formula(text: str) -> tuple[str | None, str | None, str]:
+    """Variable, sort and body of `formula(Id, Variable, Sort, Body)`; a closed formula has no variable."""
+    found = re.fullmatch(r"formula\(\d+, *(\w+), *(\w+), *(.*)\)\.?", text)
+    if found is None:
+        raise AssertionError(f"not a formula of the pool: {text}")
+    variable, sort, body = found.groups()
+    return (None, None, body) if variable == "none" else (variable, sort, body)
 
 
 def _numbered(lines: str) -> dict[int, str]:

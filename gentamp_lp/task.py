@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from ruamel.yaml.scalarstring import LiteralScalarString
 
 from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.pool import find_grammar
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
@@ -96,6 +97,11 @@ class Task:
                     message = error.diagnostics[0].message
                     raise InputError(Diagnostic(message, path, _line(data, (key, index)))) from None
         return task
+
+    def grammars(self, more: Sequence[Path] = ()) -> list[Path]:
+        """The task's grammar files and `more`; names of shipped ones become paths (see `find_grammar`)."""
+        own = [find_grammar(name, self.path.parent) for name in self.file.grammar]
+        return own + [find_grammar(path) for path in more]
 
     def parameters(self, size: int | str, rng: np.random.Generator) -> dict[str, int]:
         """Parameter values of a size such as 8 or "2-4"; parameters left out are drawn from their default range."""

@@ -14,8 +14,8 @@ from gentamp_lp.demonstrations import Recorder, cache_path, canonical, demonstra
 from gentamp_lp.evidence import parse_evidence
 from gentamp_lp.features import to_formula
 from gentamp_lp.invariants import at_most_one
-from gentamp_lp.learning import Learned, split_formula
-from gentamp_lp.pool import generate_pool
+from gentamp_lp.learning import Learned
+from gentamp_lp.pool import generate_pool, split_formula
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import atoms
 from gentamp_lp.streams.incremental import simulate
@@ -142,12 +142,12 @@ def test_a_cache_that_cannot_be_written_does_no_harm(
 
 
 def test_the_name_in_the_cache_depends_on_the_task(unstack: Learned, load: Learned, tmp_path: Path) -> None:
-    names = {cache_path(t.task, s, r, a) for t in (unstack, load) for s in (0, 1) for r in (None, "gripper")
+    names = {cache_path(t.task, s, r, a, [3]) for t in (unstack, load) for s in (0, 1) for r in (None, "gripper")
              for a in (True, False)}  # fmt: skip
     assert len(names) == 16
     changed = tmp_path / "unstack.yaml"
     changed.write_text(unstack.task.path.read_text().replace("train: [8]", "train: [7]"))
-    assert cache_path(Task.load(changed), 0, None, True) not in names
+    assert cache_path(Task.load(changed), 0, None, True, [3]) not in names
 
 
 # ---- Invariants

@@ -7,9 +7,9 @@ import pytest
 
 from gentamp_lp.dataset import Dataset, Problem
 from gentamp_lp.features import Features, matches_effects, to_formula, valuation
-from gentamp_lp.learning import Learned, split_formula
+from gentamp_lp.learning import Learned
 from gentamp_lp.policy import Feature
-from gentamp_lp.pool import Pool, generate_pool
+from gentamp_lp.pool import Pool, generate_pool, split_formula
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or
 from gentamp_lp.streams.pddl import Axiom, Domain, Predicate, parse_domain

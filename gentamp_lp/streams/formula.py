@@ -5,7 +5,7 @@ Variables are strings that begin with `?`; every other argument is the name of a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
 
@@ -141,6 +141,24 @@ def _normalize(formula: Formula, negated: bool, names: Mapping[str, str], fresh:
             renamed = {v: f"{v}#{next(fresh)}" for v in variables}
             inner = Exists(tuple(renamed.values()), _normalize(body, not existential, {**names, **renamed}, fresh))
             return inner if existential != negated else Not(inner)
+
+
+def restricts(formula: Formula, variable: str, fills: Callable[[Atom, str], bool]) -> bool:
+    """Whether a formula can only be true of entities that an atom names: one that `fills` accepts for the variable."""
+    return _restricts(normalize(formula), variable, fills)
+
+
+def _restricts(formula: Formula, variable: str, fills: Callable[[Atom, str], bool]) -> bool:
+    match formula:
+        case Atom(predicate, args):
+            return predicate != "=" and variable in args and fills(formula, variable)
+        case And(parts):
+            return any(_restricts(part, variable, fills) for part in parts)
+        case Or(parts):
+            return bool(parts) and all(_restricts(part, variable, fills) for part in parts)
+        case Exists(_, body):  # normalized: binds other variables
+            return _restricts(body, variable, fills)
+    return False
 
 
 def to_pddl(formula: Formula) -> str:
