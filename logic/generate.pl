@@ -262,7 +262,7 @@ denote(Name, Operands, Result, _, _) :-
 offer(Bucket, Trie, Mask, New, Bits) :-
     arg(4, New, Index),
     (   \+ nb_getval(uniqueness, true)
-    ->  keep_new(Bucket, Trie, New, Bits, Index)
+    ->  keep_new(Bucket, New, Bits, Index, _)
     ;   ( Bits =:= 0 ; Bits =:= Mask )
     ->  count(Index, constant)
     ;   trie_lookup(Trie, Bits, Old)
@@ -275,15 +275,15 @@ offer(Bucket, Trie, Mask, New, Bits) :-
             keep(Bucket, Old, New, Bits)
         ;   count(Index, same)
         )
-    ;   keep_new(Bucket, Trie, New, Bits, Index)
+    ;   keep_new(Bucket, New, Bits, Index, Id),
+        trie_insert(Trie, Bits, Id)
     ).
 
-keep_new(Bucket, Trie, New, Bits, Index) :-
+keep_new(Bucket, New, Bits, Index, Id) :-
     count(Index, new),
     nb_getval(next_id, Id),
     Id1 is Id + 1,
     nb_setval(next_id, Id1),
-    ignore(trie_insert(Trie, Bits, Id)),
     keep(Bucket, Id, New, Bits).
 
 keep(Bucket, Id, New, Bits) :-

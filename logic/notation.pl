@@ -324,7 +324,11 @@ read_formula(atom(Text, Arguments, Column), E, Lookup, F, N0, N) :-
     signature(Found, Sorts),
     argument_terms(Arguments, Sorts, E, Text, Column, Vs, Wild, N0, N1),
     applied(Found, Vs, Atom, N1, N),
-    foldl([V-Sort, G, some(V, Sort, G)]>>true, Wild, Atom, F).
+    wrap(Wild, Atom, F).
+
+wrap([], F, F).
+wrap([V-Sort|Wild], Atom, some(V, Sort, F)) :-
+    wrap(Wild, Atom, F).
 
 bind(Name, A, E, Lookup, V, Sort, F, N0, N) :-
     fresh(N0, V, N1),
