@@ -70,7 +70,7 @@ tokens_of(Text, Tokens) :-
     string_codes(Text, Codes),
     tokens(Codes, 1, Tokens).
 
-tokens([], Column, [tok(end, Column)]).
+tokens([], Column, [tok(end, Column)]) :- !.
 tokens([C|Codes], Column, Tokens) :-
     code_type(C, space),
     !,
@@ -294,8 +294,9 @@ two(conj(F, G), F, G).
 two(disj(F, G), F, G).
 two(implies(F, G), F, G).
 
-read_formula(true, _, _, true, N, N).
+read_formula(true, _, _, true, N, N) :- !.
 read_formula(neg(A), E, Lookup, neg(F), N0, N) :-
+    !,
     read_formula(A, E, Lookup, F, N0, N).
 read_formula(Pair, E, Lookup, Result, N0, N) :-
     two(Pair, A, B),
@@ -305,10 +306,13 @@ read_formula(Pair, E, Lookup, Result, N0, N) :-
     functor(Pair, Connective, 2),
     Result =.. [Connective, F, G].
 read_formula(some(Name, A), E, Lookup, some(V, Sort, F), N0, N) :-
+    !,
     bind(Name, A, E, Lookup, V, Sort, F, N0, N).
 read_formula(every(Name, A), E, Lookup, every(V, Sort, F), N0, N) :-
+    !,
     bind(Name, A, E, Lookup, V, Sort, F, N0, N).
 read_formula(closure(UName, WName, A, YName, XName), E, Lookup, closure(U, W, Sort, F, Y, X), N0, N) :-
+    !,
     fresh(N0, U, N1),
     fresh(N1, W, N2),
     read_formula(A, [UName-v(U, Sort), WName-v(W, Sort)|E], Lookup, F, N2, N),

@@ -16,10 +16,11 @@ import synthetic
 from brute_force import State
 
 from gentamp_lp.errors import InputError, LimitReached, SolverError
-from gentamp_lp.pool import Pool, check_grammars, deepen, describe, generate_pool, parse_term
+from gentamp_lp.pool import Pool, PoolSession, check_grammars, deepen, describe, find_grammar, generate_pool, parse_term
 from gentamp_lp.prolog import Prolog, PrologProcess, quote
 
 LOGIC = Path(__file__).parent / "logic"
+
 
 def behaviour(data: synthetic.Data, formula: str) -> tuple[set[int], set[int], set[int], int]:
     term = parse_term(formula)
@@ -220,12 +221,123 @@ def test_a_rule_can_be_switched_off(tmp_path: Path) -> None:
     assert not any("every(" in f for f in pool.formulas.values())
 
 
+def test_the_cost_of_a_rule_can_be_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mine.lp").write_text("cost(negated, 2).\n")
+    cheap = generate_pool(TINY.text(), max_cost=2)
+    dear = generate_pool(TINY.text(), max_cost=2, grammars=[tmp_path / "mine.lp"])
+    negated = {i for i, f in cheap.formulas.items() if re.search(r"neg\(\w+\(v0\)\)", f)}
+    assert any(cheap.kinds[i][0] == 1 for i in negated)
+    negated = {i for i, f in dear.formulas.items() if re.search(r"neg\(\w+\(v0\)\)", f)}
+    assert all(dear.kinds[i][0] == 2 for i in negated)
+
+
+CONCEPT = """\
+% A place on a tray where nothing stands in the way.
+concept("OnTray(p)", "exists r: Pose(_,p,r) & Tray(r)", 1).
+concept("FreeCell(p)", "OnTray(p) & ~Unsafe(_,p)", 1).
+"""
+
+
+def test_a_concept_is_one_literal_and_prints_as_its_formula(tmp_path: Path) -> None:
+    (tmp_path / "cells.lp").write_text(CONCEPT)
+    data = synthetic.load((2, 3), poses=6, seed=1)
+    meaning = "conj(some(v1,object,conj(some(v2,object,pose(v2,v0,v1)),tray(v1))),neg(some(v3,object,unsafe(v3,v0))))"
+    plain = generate_pool(data.text(), max_cost=1)
+    assert not any(meaning in f for f in plain.formulas.values())
+    pool = generate_pool(data.text(), max_cost=2, grammars=[tmp_path / "cells.lp"])
+    [number] = [i for i, f in pool.formulas.items() if f.endswith(f"pose,{meaning})")]
+    assert pool.kinds[number] == (1, "numeric")
+    assert_exact(data, pool)
+    with PoolSession(data.text(), grammars=[tmp_path / "cells.lp"]) as session:
+        session.deepen(1)
+        reading = session.read("FreeCell(p)")
+        assert meaning in reading.formula
+        assert (reading.match, reading.how) == (number, "same_values")
+
+
+def test_a_concept_of_two_arguments_is_a_relation(tmp_path: Path) -> None:
+    (tmp_path / "twin.lp").write_text('concept("Twin(x,y)", "exists s: On(x,s) & On(y,s)", 1).\n')
+    data = synthetic.load((2, 3), poses=3)
+    pool = generate_pool(data.text(), max_cost=3, grammars=[tmp_path / "twin.lp"])
+    assert_exact(data, pool, random.Random(0).sample(list(pool.formulas), 150))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('concept("A(x)", "Nowhere(x)", 1).', "no predicate `Nowhere`"),
+        ('concept("A(x)", "On(x,y)", 1).', "`y` is not bound"),
+        ('concept("A(x)", "B(x)", 1).\nconcept("B(x)", "Tray(x)", 1).', "no predicate `B`"),
+        ("rule(a, [con(X)], con(X), 1).\nsem(a, [con(pose)], _, [A], A).\nsays(a, _, [A], Xs, A@Xs).", "no meaning"),
+    ],
+)
+def test_what_only_the_data_show_to_be_wrong_is_reported_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.lp"
+    path.write_text(text)
+    check_grammars([path])
+    with pytest.raises(InputError) as caught:
+        generate_pool(TINY.text(), max_cost=2, grammars=[path])
+    [diagnostic] = caught.value.diagnostics
+    assert message in diagnostic.message
+    assert (str(diagnostic.path), diagnostic.line) == (str(path), 1)
+
+
+def test_the_whole_table_adds_features_and_loses_none(tmp_path: Path) -> None:
+    """`--grammar paper`: every literal in both polarities."""
+    data = synthetic.load((1, 2), poses=1, seed=2)
+    pool = generate_pool(data.text(), max_cost=3)
+    whole = generate_pool(data.text(), max_cost=3, grammars=[find_grammar("paper")])
+    assert whole.size > pool.size
+    assert_exact(data, whole)
+    with PoolSession(data.text(), grammars=[find_grammar("paper")]) as session:
+        session.deepen(3)
+        lost = [f for f in pool.formulas.values() if session.read(describe(f, {})).how in ("absent", "constant")]
+    assert lost == []
+
+
+def test_grammars_are_found_by_path_and_by_name(tmp_path: Path) -> None:
+    (tmp_path / "paper").write_text("")
+    assert find_grammar("paper").name == "paper.lp"
+    assert find_grammar("paper", tmp_path) == tmp_path / "paper"
+    assert find_grammar("mine.lp", tmp_path) == tmp_path / "mine.lp"
+    with pytest.raises(InputError, match="paper"):
+        find_grammar("papers")
+
+
+def test_what_was_pruned_adds_up(pool: Pool) -> None:
+    rules = {row.rule for row in pool.pruned}
+    assert {"views", "literal", "conj", "some", "features"} <= rules
+    kept = sum(row.counts.get("new", 0) for row in pool.pruned if row.rule != "features")
+    assert kept == pool.statistics["formulas"]
+    features = [row for row in pool.pruned if row.rule == "features"]
+    assert sum(row.counts.get("new", 0) for row in features) >= pool.size
+    assert any(row.counts.get("equivalent") for row in pool.pruned)
+
+
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
         ("rule(a, [con(X)], con(X), 1)\nrule(b).\n", 1, "Syntax error"),
         ("\n:- shell(ls).\n", 2, "directive"),
         ("sem(conj, _, _, [A], A) :- shell(ls).\n", 1, "not a primitive"),
+        ("sem(conj, _, _, [A], D) :- meet(A, E, D), meet(A, A, E).\n", 1, "not computed before"),
+        ("sem(conj, _, _, [A,B], A) :- meet(A, B, A).\n", 1, "last argument"),
+        ("sem(conj, _, _, [A], D) :- meet(A, D, D).\n", 1, "not computed before"),
+        ("sem(conj, _, _, [A,B], _D) :- meet(A, B, _E).\n", 1, "never computed"),
+        ("sem(conj, _, _, _, _D).\n", 1, "list of variables"),
+        ("says(conj, _, [A], Xs, both(A@Xs)).\n", 1, "no part of a formula"),
+        ("says(conj, _, [_A], _Xs, neg(_)).\n", 1, "is a variable"),
+        ("cost(conj, -1).\n", 1, "natural number"),
+        ("\ncost(fooo, 1).\n", 2, "does not exist"),
+        ("cost(plain, 0).\ncost(negated, 0).\nrule(a, [con(X)], con(X), 1).\ncost(a, 0).\n", 4, "at least 1"),
+        ("law(a, conj(A, fooo(A)), A).\n", 1, "fooo/1, which is no rule"),
+        ("law(a, conj(A, A), B).\n", 1, "left side lacks"),
+        ("law(a, A, A).\n", 1, "left side"),
+        ('concept("A(x)", "Red(x", 1).\n', 1, "at character 6"),
+        ('concept("A(x,y,z)", "Red(x)", 1).\n', 1, "at most two arguments"),
+        ('concept("A(x)", "Red(x)", 0).\n', 1, "positive"),
+        ("concept(a(X), red(X), 1).\n", 1, "a concept is"),
+        ('concept("A(x)", "Red(x)", 1).\nconcept("A(y)", "Red(y)", 1).\n', 2, "exists already"),
         ("sem(conj, _, _, [A], A) :- call(A).\n", 1, "not a primitive"),
         ("sem(conj, _, _, [A], A) :- A.\n", 1, "calls a variable"),
         ("sem(conj, _, _, [A], A) :- other:meet(A, A, A).\n", 1, "not a primitive"),
