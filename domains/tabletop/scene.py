@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -22,6 +22,7 @@ from gentamp_lp.geometry.transforms import Array, pose
 
 Span = tuple[float, float]
 Count = int | str
+Trait = Literal["Block", "Tray", "Table", "Region", "Red", "Green", "Blue"]  # what `is` may say
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
 PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
 _TRIES = 400  # draws before an instance is called impossible
@@ -49,7 +50,7 @@ class Support(_Section):
     """A fixed support: the table, or a coloured region on it."""
 
     area: Area
-    traits: tuple[str, ...] = Field(("Table",), alias="is")
+    traits: tuple[Trait, ...] = Field(("Table",), alias="is")
 
 
 class ShapeOption(_Section):
@@ -124,7 +125,7 @@ class Things(_Section):
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     count: Count = 1
-    traits: tuple[str, ...] = Field((), alias="is")
+    traits: tuple[Trait, ...] = Field((), alias="is")
     shapes: tuple[ShapeOption, ...] = Field(min_length=1)
     start: Start
     goes: tuple[str, ...]
