@@ -135,7 +135,9 @@ def _place(component: Any, roots: list[Vertex], edges: list[Edge]) -> None:
         return
     layout = SugiyamaLayout(component)
     layout.xspace, layout.yspace = 26, 26
-    layout.init_all(roots=roots, inverted_edges=_backward(roots, edges))
+    back = _backward(roots, edges)
+    entered = {edge.v[1] for edge in edges if edge not in back}  # an initial state may also come after another one
+    layout.init_all(roots=[vertex for vertex in roots if vertex not in entered], inverted_edges=back)
     layout.draw(12)
 
 

@@ -274,3 +274,16 @@ def test_a_loop_on_one_state_is_drawn():
     assert policy.check() == []
     assert policy.rules[0].outcomes == ((True,), (False,))
     assert policy.svg().count("eat") == 2
+
+
+def test_an_initial_state_after_another_one_is_drawn():
+    """Two ways to begin, one of which leads to the other."""
+    facts = (
+        "state(1,1). state(2,1). state(3,2). state(4,2). initial(1). initial(3). goal(4). pos(1,1)."
+        " feature(1,1,numeric). feature(2,1,boolean). pos(2,4). transition(1,1,2). transition(2,3,4)."
+        " candidate(1). candidate(2). dec(1,1). inc(2,2). action(1,eat). action(2,rest)."
+    )
+    policy = Policy.from_solution(synthesize_policy(facts), facts, {1: "food(v0)", 2: "tired"}, {1: "food", 2: "tired"})
+    assert len(policy.rules) == len(policy.initial) == 2
+    assert policy.rules[1].valuation in policy.rules[0].outcomes
+    assert policy.svg().count("rest") == 1

@@ -92,7 +92,7 @@ def test_mistakes_are_located(tmp_path, text, old, new, line_of, words):
 
 
 def test_a_missing_task_names_the_shipped_ones():
-    with pytest.raises(InputError, match="load, unstack"):
+    with pytest.raises(InputError, match="clutter, load, sort, unstack"):
         Task.load("unstak")
 
 

@@ -12,7 +12,7 @@
 
   (:predicates
     ; what things are: movable, or a surface that never moves
-    (Movable ?o) (Surface ?o) (Block ?o) (Tray ?o) (Table ?o) (Region ?o) (Red ?o) (Green ?o) (Blue ?o)
+    (Movable ?o) (Surface ?o) (Block ?o) (Tray ?o) (Mug ?o) (Table ?o) (Region ?o) (Red ?o) (Green ?o) (Blue ?o)
     (Fixed ?s ?p)              ; support ?s always stands at ?p
     (Stackable ?o ?s)          ; ?o may be put on ?s
     ; certified by streams

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,15 @@ from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import POSITION, STEP, TABLE, Replay, State
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
-from gentamp_lp.geometry.transforms import Array, difference
+from gentamp_lp.geometry.shapes import GAP, Shape, box
+from gentamp_lp.geometry.transforms import Array, difference, pose
 
 from .samplers import Reach
-from .scene import Placement, World
+from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
 _FINE, _TURN, _MOST = 0.01, 0.1, 100  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
+_MARGIN = 0.03  # a region is drawn so much wider than the area for the centres of things
 
 
 def encode(value: Any, names: Mapping[int, str]) -> dict[str, Any]:
@@ -186,11 +189,28 @@ def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], 
     """Write a GIF of the plan, or for a `.png` its first state beside its last."""
     states: list[State] = []
     _replay(world, steps, values, states.append)
+    mats = _mats(world)
+    shapes = world.shapes | {name: shape for name, (shape, _) in mats.items()}
+    where = {name: place for name, (_, place) in mats.items()}
+    states = [replace(state, poses=state.poses | where) for state in states]
     if path.suffix == ".png":
-        first, last = film(world.robot, world.shapes, [states[0], states[-1]], STILL)
+        first, last = film(world.robot, shapes, [states[0], states[-1]], STILL)
         both = Image.new("RGB", (first.width + last.width, first.height))
         both.paste(first, (0, 0))
         both.paste(last, (first.width, 0))
         save_still(both, path)
     else:
-        save_movie(film(world.robot, world.shapes, smooth(world.robot, states)), path, seconds=0.08)
+        save_movie(film(world.robot, shapes, smooth(world.robot, states)), path, seconds=0.08)
+
+
+def _mats(world: World) -> dict[str, tuple[Shape, Array]]:
+    """Flat boxes to draw for the coloured supports, with their poses; a margin holds what stands at the edge."""
+    mats = {}
+    for name, support in world.supports.items():
+        colour = next((COLOURS[trait] for trait in support.traits if trait in COLOURS), None)
+        if colour is not None:
+            (x0, x1), (y0, y1) = support.area.x, support.area.y
+            pale = (*((1.0 + 2 * c) / 3 for c in colour[:3]), 1.0)
+            shape = box(x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN, GAP / 2, pale)
+            mats[name] = shape, pose((x0 + x1) / 2, (y0 + y1) / 2, 0.0)
+    return mats

@@ -52,8 +52,7 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         return np.random.default_rng([seed, zlib.crc32(repr(key).encode())])
 
     def sample_grasp(name: str) -> Iterator[tuple[Grasp]]:
-        for grasp in world.robot.grasps(world.shapes[name]):
-            yield (grasp,)
+        yield from ((grasp,) for grasp in world.grasps[name])
 
     def sample_placement(name: str, support: str) -> Iterator[tuple[Placement]]:
         generator = rng("placement", name, support)
@@ -70,12 +69,17 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         if placement.base is not None and placement.base is not place:
             return  # the placement rests on this support where it stood, and only there
         target = place.transform @ placement.transform if placement.frame == support else placement.transform
+
+        def reach(trajectory: Trajectory) -> tuple[Reach]:
+            return (Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory),)
+
+        if grasp in world.approaches and placement is world.start[name]:
+            yield reach(world.approaches[grasp])
         generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool))
         for _ in range(_REACH_ATTEMPTS):
             trajectory = world.robot.reach(target @ grasp.tool, grasp.opening, generator)
-            if trajectory is None:
-                continue
-            yield (Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory),)
+            if trajectory is not None:
+                yield reach(trajectory)
 
     def cfree(name: str, placement: Placement, other: str, there: Placement) -> bool:
         """Whether two placements do not overlap; a thing's own place is taken while it stands there.

@@ -6,25 +6,28 @@ All lengths in metres; the world's origin is the robot's base, z = 0 the top of 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gentamp_lp.errors import NoAnswer
-from gentamp_lp.geometry.collision import collide
-from gentamp_lp.geometry.robots import Robot, make_robot
+from gentamp_lp.geometry.collision import Swept, collide
+from gentamp_lp.geometry.grasping import Approach, Grasp
+from gentamp_lp.geometry.robots import Robot, Trajectory, make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import Array, pose
 
 Span = tuple[float, float]
 Count = int | str
+Trait = Literal["Block", "Tray", "Mug", "Table", "Region", "Red", "Green", "Blue"]  # what `is` may say
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
 PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
-_TRIES = 400  # draws before an instance is called impossible
+_TRIES = 400  # draws of a place before an instance is called impossible
+_LAYOUTS = 2000  # draws of a whole layout before that
 
 
 class _Section(BaseModel):
@@ -49,7 +52,7 @@ class Support(_Section):
     """A fixed support: the table, or a coloured region on it."""
 
     area: Area
-    traits: tuple[str, ...] = Field(("Table",), alias="is")
+    traits: tuple[Trait, ...] = Field(("Table",), alias="is")
 
 
 class ShapeOption(_Section):
@@ -81,12 +84,24 @@ class Towers(_Section):
     gap: float = Field(0.03, ge=0)
 
 
+class InTheWay(_Section):
+    """Of N scattered things, exactly N // `one_in` touch the approach to a thing that stands there already.
+
+    That thing can be grasped in `approaches` ways; the one that the fewest things touch counts.
+    """
+
+    target: str = Field(alias="of")
+    one_in: int = Field(ge=1)
+    approaches: int = Field(1, ge=1)
+
+
 class Scatter(_Section):
     """Put each thing at a uniform place of an area, `gap` away from the others."""
 
     support: str = Field(alias="on")
     area: Area | None = None
     gap: float = Field(0.02, ge=0)
+    in_the_way: InTheWay | None = None
 
 
 class At(_Section):
@@ -120,12 +135,17 @@ class Start(_Section):
 
 
 class Things(_Section):
-    """A group of movable things. `is` lists their unary predicates, `goes` the supports they may be put on."""
+    """A group of movable things.
+
+    `is` lists their unary predicates, `grasp` says from where they are grasped, `goes` on which supports they may be
+    put.
+    """
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     count: Count = 1
-    traits: tuple[str, ...] = Field((), alias="is")
+    traits: tuple[Trait, ...] = Field((), alias="is")
     shapes: tuple[ShapeOption, ...] = Field(min_length=1)
+    grasp: Approach = "top"
     start: Start
     goes: tuple[str, ...]
 
@@ -144,7 +164,13 @@ class Scene(_Section):
                 raise ValueError(f"support `{name}`: use lower-case letters, digits and _")
         if len(groups) < len(self.things) or groups & self.supports.keys():
             raise ValueError("two supports or things have the same name")
+        single: set[str] = set()  # the things so far that are alone in their group
         for group in self.things:
+            match group.start.choice:
+                case Scatter(in_the_way=InTheWay(target=target)) if target not in single:
+                    raise ValueError(f"`{group.name}` is in the way of `{target}`, which is no single thing above it")
+            if group.count == 1:
+                single.add(group.name)
             if group.start.choice.support not in self.supports:
                 raise ValueError(f"`{group.name}` starts on `{group.start.choice.support}`, which is no support")
             for goal in group.goes:
@@ -167,11 +193,17 @@ class Placement:
 
 @dataclass(eq=False)
 class World:
-    """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case)."""
+    """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case).
+
+    `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
+    layout was made for.
+    """
 
     robot: Robot
     supports: Mapping[str, Support]
     shapes: dict[str, Shape] = field(default_factory=dict)
+    grasps: dict[str, list[Grasp]] = field(default_factory=dict)
+    approaches: dict[Grasp, Trajectory] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     static: list[tuple[str, ...]] = field(default_factory=list)
     fluents: list[tuple[str, ...]] = field(default_factory=list)
@@ -202,6 +234,7 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
         for index, name in enumerate(names):
             world.values[name] = name
             world.shapes[name] = _shape(group, index, name, world, parameters, rng)
+            world.grasps[name] = list(world.robot.grasps(world.shapes[name], group.grasp))
             world.static += [(trait.lower(), name) for trait in ("Movable", *group.traits)]
         _arrange(world, group, names, rng)
     for group in scene.things:
@@ -252,13 +285,18 @@ def _arrange(world: World, group: Things, names: list[str], rng: np.random.Gener
         case At() as at:
             for name in names:
                 placement = Placement("world", pose(at.x, at.y, GAP, at.yaw))
-                if not (_free(world, name, placement, 0.0) and reachable(world, name, placement, rng)):
+                if not (_free(world, world.start, name, placement, 0.0) and reachable(world, name, placement, rng)):
                     raise NoAnswer(f"`{name}` collides or is out of reach at x={at.x}, y={at.y}")
                 _stand(world, name, placement, at.support)
         case Scatter() as scatter:
             area = scatter.area or world.supports[scatter.support].area
-            for name in names:
-                _stand(world, name, _draw(world, name, area, scatter.gap, rng), scatter.support)
+            if scatter.in_the_way is None:
+                for name in names:
+                    _stand(world, name, _draw(world, name, area, scatter.gap, rng), scatter.support)
+            else:
+                layout = _layout(world, names, scatter.in_the_way, area, scatter.gap, rng)
+                for name, placement in layout.items():
+                    _stand(world, name, placement, scatter.support)
         case Towers() as towers:
             _build_towers(world, towers, names, rng)
 
@@ -284,9 +322,47 @@ def _build_towers(world: World, towers: Towers, names: list[str], rng: np.random
 
 def _draw(world: World, name: str, area: Area, gap: float, rng: np.random.Generator) -> Placement:
     for placement in uniform_placements(area, rng):
-        if _free(world, name, placement, gap) and reachable(world, name, placement, rng):
+        if _free(world, world.start, name, placement, gap) and reachable(world, name, placement, rng):
             return placement
     raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
+
+
+def _layout(
+    world: World, names: Sequence[str], clutter: InTheWay, area: Area, gap: float, rng: np.random.Generator
+) -> dict[str, Placement]:
+    """Uniform layouts until one has the wanted number of things in the way."""
+    ways = _approaches(world, clutter.target, clutter.approaches, rng)
+    wanted = len(names) // clutter.one_in
+    for _ in range(_LAYOUTS):
+        layout: dict[str, Placement] = {}
+        for name in names:
+            there = world.start | layout
+            free = (p for p in uniform_placements(area, rng) if _free(world, there, name, p, gap))
+            layout |= zip([name], free, strict=False)
+        if len(layout) < len(names):
+            continue
+        touched = (sum(way.hits(world.shapes[n], p.transform) for n, p in layout.items()) for way in ways)
+        if min(touched) == wanted and all(reachable(world, n, p, rng) for n, p in layout.items()):
+            return layout
+    raise NoAnswer(
+        f"none of {_LAYOUTS} layouts has exactly {wanted} of {len(names)} things in the way of `{clutter.target}`"
+    )
+
+
+def _approaches(world: World, name: str, count: int, rng: np.random.Generator) -> list[Swept]:
+    """What `count` approaches to a thing where it stands sweep; their grasps become its only ones."""
+    placement = world.start[name]
+    grasps = [world.grasps[name][i] for i in rng.permutation(len(world.grasps[name]))]
+    reached: dict[Grasp, Trajectory] = {}
+    for grasp in grasps:
+        trajectory = world.robot.reach(placement.transform @ grasp.tool, grasp.opening, rng)
+        if trajectory is not None:
+            reached[grasp] = trajectory
+        if len(reached) == count:
+            world.grasps[name] = list(reached)
+            world.approaches |= reached
+            return [world.robot.swept(t, world.shapes[name], g) for g, t in reached.items()]
+    raise NoAnswer(f"`{name}` can be reached with {len(reached)} grasps, not {count}")
 
 
 def uniform_placements(area: Area, rng: np.random.Generator, tries: int = _TRIES) -> Iterator[Placement]:
@@ -296,11 +372,10 @@ def uniform_placements(area: Area, rng: np.random.Generator, tries: int = _TRIES
         yield Placement("world", pose(x, y, GAP, yaw))
 
 
-def _free(world: World, name: str, placement: Placement, gap: float) -> bool:
+def _free(world: World, start: Mapping[str, Placement], name: str, placement: Placement, gap: float) -> bool:
     grown = _inflated(world.shapes[name], gap)
     return not any(
-        collide(grown, placement.transform, world.shapes[other], there.transform)
-        for other, there in world.start.items()
+        collide(grown, placement.transform, world.shapes[other], there.transform) for other, there in start.items()
     )
 
 
@@ -316,7 +391,7 @@ def _inflated(shape: Shape, gap: float) -> Shape:
 
 def reachable(world: World, name: str, placement: Placement, rng: np.random.Generator) -> bool:
     """Whether some grasp of the thing can be reached where it stands (other things not considered)."""
-    for grasp in world.robot.grasps(world.shapes[name]):
+    for grasp in world.grasps[name]:
         if world.robot.reach(placement.transform @ grasp.tool, grasp.opening, rng) is not None:
             return True
     return False
