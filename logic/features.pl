@@ -215,13 +215,14 @@ find_feature(Class, Planes, Id, How) :-
     (   constant(Pos, Inc, Dec)
     ->  Id = none,
         How = constant
-    ;   findall(Cost-(Id1-How1),
+    ;   findall(Cost/Rank-(Id1-How1),
                 ( possible_kind(Class, Planes, Kind),
                   canonical(Kind, Pos, Inc, Dec, Key),
                   nb_getval(behaviours, Trie),
                   trie_lookup(Trie, Key, Behaviour),
                   found(Behaviour, Planes, Id1, How1),
-                  once(representative(Id1, Cost, _, _, _, _, _)) ),
+                  once(representative(Id1, Cost, _, _, _, _, _)),
+                  nth1(Rank, [same_values, complement, same_behaviour], How1) ),
                 Found0),
         keysort(Found0, [_-(Id0-How0)|_])
     ->  Id = Id0,
