@@ -17,8 +17,8 @@ it prints as, whether or not the data collapse; what the check decides is only w
 Under negation the projection is the guarded reading: not CFree(p,q) says that the poses p and q _of
 their own objects_ collide.
 
-Every predicate with data has the view of its keys, the arguments that no other argument determines; at
-most three, or else all pairs of them. On top of that, an owning predicate like Pose(o,p,s) has a view
+Every predicate with data has the view of its keys, the arguments that no other argument determines. From
+three keys on it has those of all pairs of them, too, and if there are more, of all triples instead of the whole. On top of that, an owning predicate like Pose(o,p,s) has a view
 of its entity p with each of the arguments that p determines, and a fluent like AtPose(o,p) has the view
 that finds p from o. What kind of formula a view is depends on its data:
 
@@ -111,6 +111,14 @@ key_positions(N, Keys, [I,K]) :-
     member(I, Keys),
     member(K, Keys),
     I =\= K.
+key_positions(N, Keys, [I,J,K]) :-
+    N >= 4,
+    member(I, Keys),
+    member(J, Keys),
+    J =\= I,
+    member(K, Keys),
+    K =\= I,
+    K =\= J.
 
 % product(+Name, +Sorts, +I, +K): the relation between arguments I and K is all pairs of some set with another.
 

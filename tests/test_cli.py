@@ -12,7 +12,7 @@ import pytest
 from gentamp_lp.resources import resource
 
 
-def run(*args, cwd, env=None):
+def run(*args, cwd=None, env=None):
     command = [sys.executable, "-m", "gentamp_lp", *args]
     done = subprocess.run(
         command,

@@ -198,12 +198,7 @@ def test_size_and_time_stay_small() -> None:
 
 # ---- The user's grammar
 
-CLOSURE = """\
-% Above: the transitive closure of a relation.
-rule(plus, [role(T,T)], role(T,T), 1).
-sem(plus, [R], _, [A], D) :- closure(R, A, D).
-says(plus, [role(T,_)], [R], [Y,X], closure(U, W, T, R@[U,W], Y, X)).
-"""
+CLOSURE = (Path(__file__).parent.parent / "docs" / "examples" / "above.lp").read_text()
 
 
 def test_a_user_rule_adds_transitive_closure(tmp_path: Path) -> None:
