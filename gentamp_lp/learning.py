@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from gentamp_lp.task import Instance, Task
 Progress = Callable[[str], None]
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
+VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
 _EXPLAINED = 6  # states shown when there is no policy
 _ROLLOUT_TRIES = 3  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
@@ -92,6 +94,7 @@ class Learned:
             "pool_size": self.pool.size,
             "pool_statistics": dict(self.pool.statistics),
             "refinement_rounds": self.rounds,
+            "validation": self.task.validation_sizes,
             "notes": self.notes,
             "seconds": {
                 **{k: round(v, 3) for k, v in self.seconds.items()},
@@ -145,21 +148,26 @@ def learn(
         )
     progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
     highest = max_complexity or task.file.max_complexity
+    training = [(size, seed * 1000 + index) for index, size in enumerate(task.file.train)]
+    validation = [(size, seed * 1000 + VALIDATION_SEEDS + i) for i, size in enumerate(task.validation_sizes)]
     notes: list[str] = []
-    rounds = -1
-    while True:
-        rounds += 1
-        learned = _choose(task, data, grammars, highest, fairness, seed, deadline, clock, progress)
-        if learned.interrupted:
-            notes.append("interrupted: the policy is the best found so far and was not rolled out")
-            break
-        with clock.stage("rollouts"):
-            failures = _roll_out(learned.policy, task, seed, robot, data, deadline, around, progress)
+    for rounds in count():
+        failures: list[str] = []
+        for learned in _policies(task, data, grammars, highest, fairness, seed, deadline, clock, progress):
+            if learned.interrupted:
+                notes.append("interrupted: the policy is the best found so far and was not rolled out")
+                break
+            with clock.stage("rollouts"):
+                failures = _roll_out(task, learned.policy, training, robot, data, deadline, around, progress)
+                if not failures:
+                    failures = _roll_out(task, learned.policy, validation, robot, data, deadline, around, progress)
+            if failures:
+                break
+        notes += failures
         if not failures:
             break
-        notes += failures
         if rounds == ROLLOUT_ROUNDS:
-            notes.append("the policy still fails on training problems after all refinement rounds")
+            notes.append("the policy still fails on training or validation problems after all refinement rounds")
             break
     with clock.stage("compilation"):
         sorts = {name: tuple(s) for name, s in data.predicates.items()}
@@ -170,7 +178,7 @@ def learn(
     return learned
 
 
-def _choose(
+def _policies(
     task: Task,
     data: Dataset,
     grammars: Sequence[Path],
@@ -180,12 +188,13 @@ def _choose(
     deadline: float,
     clock: _Clock,
     progress: Progress,
-) -> Learned:
-    """Deepen the pool level by level while a deeper feature could still give a cheaper abstraction."""
-    best: tuple[Pool, Solution, int, str] | None = None
+) -> Iterator[Learned]:
+    """Yield a cheapest policy, then ever cheaper ones, as long as a deeper feature could make one.
+
+    Asking for the next one updates what is proved about the last. Raises NoAnswer when there is no policy at all.
+    """
+    learned: Learned | None = None
     failure: NoAnswer | None = None
-    interrupted = False
-    proved = 0  # no abstraction with features up to this complexity is cheaper than the best
     levels = range(min(FIRST_LEVEL, highest), highest + 1)
     pools = deepen(data.pool_facts(), costs=levels, grammars=grammars, time_limit=deadline - time.monotonic())
     for level in levels:
@@ -193,20 +202,20 @@ def _choose(
             with clock.stage("pool"):
                 pool = next(pools)
         except LimitReached:
-            if best is None:
+            if learned is None:
                 raise
             progress(f"complexity {level}: the pool was not finished within the limit")
-            break
+            return
+        progress(f"complexity {level}: {pool.size} features")
+        facts = data.policy_facts() + pool.facts
+        start = time.perf_counter()
         try:
-            progress(f"complexity {level}: {pool.size} features")
-            facts = data.policy_facts() + pool.facts
-            start = time.perf_counter()
             solution = synthesize_policy(
                 facts,
                 fairness=fairness,
                 time_limit=deadline - time.monotonic(),
                 seed=seed,
-                improve=(best[1].cost, level - 1) if best else None,
+                improve=(learned.solution.cost, level - 1) if learned else None,
                 explain=level == highest,
                 progress=progress,
             )
@@ -214,45 +223,50 @@ def _choose(
             failure = error
             clock.seconds["solving"] += time.perf_counter() - start
             progress(f"complexity {level}: {error}")
-            proved = level
+            if learned is not None:
+                learned.proved = level
         except KeyboardInterrupt:
-            if best is None:
+            if learned is None:
                 raise
-            interrupted = True
-            break
+            learned.interrupted = True
+            yield learned
+            return
         except LimitReached as error:
-            if best is None:
+            if learned is None:
                 raise
             clock.seconds["solving"] += time.perf_counter() - start
             progress(f"complexity {level}: undecided whether a cheaper abstraction exists ({error})")
-            break
+            return
         else:
             for stage in ("theory", "solving"):
                 clock.seconds[stage] += solution.seconds[stage]
-            interrupted = solution.by_user
-            if best is None or solution.optimal:
-                best = (pool, solution, level, facts)
+            if learned is None or solution.optimal:
+                with clock.stage("policy"):
+                    policy = _policy(task, data, pool, solution, facts)
+                # an abstraction with a deeper feature costs at least level + 1
+                proved = 0 if not solution.optimal else highest if solution.cost <= level + 1 else level
+                learned = Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds, solution.by_user)
+                yield learned
             if not solution.optimal:
-                break
-            proved = level
-        if best is not None and best[1].cost <= level + 1:
-            proved = highest  # an abstraction with a deeper feature costs at least level + 1
-            break
-    if best is None:
+                return
+        if learned is not None and learned.solution.cost <= level + 1:
+            learned.proved = highest
+            return
+    if learned is None:
         raise _explained(failure, data, task)
-    pool, solution, level, facts = best
-    with clock.stage("policy"):
-        parts = {f: split_formula(pool.formulas[f]) for f in solution.features}
-        policy = Policy.from_solution(
-            solution,
-            facts,
-            {f: body for f, (_, _, body) in parts.items()},
-            {f: describe(body, data.display) for f, (_, _, body) in parts.items()},
-            task=task.name,
-            variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
-            extra={"sorts": data.predicates},
-        )
-    return Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds, interrupted)
+
+
+def _policy(task: Task, data: Dataset, pool: Pool, solution: Solution, facts: str) -> Policy:
+    parts = {f: split_formula(pool.formulas[f]) for f in solution.features}
+    return Policy.from_solution(
+        solution,
+        facts,
+        {f: body for f, (_, _, body) in parts.items()},
+        {f: describe(body, data.display) for f, (_, _, body) in parts.items()},
+        task=task.name,
+        variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
+        extra={"sorts": data.predicates},
+    )
 
 
 def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception:
@@ -265,34 +279,37 @@ def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception
 
 
 def _roll_out(
-    policy: Policy,
     task: Task,
-    seed: int,
+    policy: Policy,
+    problems: Iterable[tuple[int | str, int]],
     robot: str | None,
     data: Dataset,
     deadline: float,
     around: bool,
     progress: Progress,
 ) -> list[str]:
-    """Follow the policy on the training problems; where it fails, add a demonstration from the failing state."""
+    """Follow the policy on problems (size, seed); where it fails, add a demonstration from the failing state."""
     failures = []
-    for index, size in enumerate(task.file.train):
-        instance = task.instance(size, seed * 1000 + index, robot=robot)
+    for size, seed in problems:
+        instance = task.instance(size, seed, robot=robot)
         try:
             left = max(1.0, deadline - time.monotonic())
             GuidedPlanner(policy, instance).solve(time_limit=left, max_rounds=_ROLLOUT_TRIES)
         except DeadEnd as end:
             failures.append(f"{task.name}-{size}: {end}")
             progress(f"roll-out failed on {failures[-1]}")
-            _learn_from(end, instance, task, data, deadline, around)
+            _learn_from(end, instance, data, deadline, around)
     return failures
 
 
-def _learn_from(end: DeadEnd, instance: Instance, task: Task, data: Dataset, deadline: float, around: bool) -> None:
-    """Record what the planner does from where the policy failed, as a problem of its own."""
-    state = end.state
-    base, program = instance.base, task.program
+def _learn_from(end: DeadEnd, instance: Instance, data: Dataset, deadline: float, around: bool) -> None:
+    """Record what the planner does from where the policy failed, as a problem of its own.
+
+    What the roll-out sampled in vain is forgotten: features should see as many samples there as elsewhere.
+    """
+    task, state = instance.task, end.state
+    base = instance.base.trimmed(task.file.samples, {name for fact in state for name in fact[1:]})
     left = max(1.0, deadline - time.monotonic())
-    plan = solve_incremental(program, base, state, task.goal, quota=task.file.samples, time_limit=left)
-    plan = canonical(program, base, state, task.goal, plan)
-    Recorder(task, data, around=around).record(instance, plan, state)
+    plan = solve_incremental(task.program, base, state, task.goal, quota=task.file.samples, time_limit=left)
+    plan = canonical(task.program, base, state, task.goal, plan)
+    Recorder(task, data, around=around).record(replace(instance, base=base), plan, state)

@@ -42,6 +42,9 @@ class TaskFile(BaseModel):
     scene: Any
     goal: str
     train: Sizes = Field(min_length=1)
+    validation: Sizes | None = Field(
+        None, description="sizes to check a policy on; one step above training if not given"
+    )
     test: Sizes = ()
     samples: Mapping[str, int] = Field(default_factory=dict, description="draws per stream and inputs")
     max_complexity: int = Field(5, ge=1)
@@ -89,8 +92,8 @@ class Task:
                            hint=f"known: {', '.join(s.name for s in folder.streams)}")
             )  # fmt: skip
         task = cls(path, file, folder, scene, goal, Program.of(folder.domain))
-        for key in ("train", "test"):
-            for index, size in enumerate(getattr(file, key)):
+        for key in ("train", "validation", "test"):
+            for index, size in enumerate(getattr(file, key) or ()):
                 try:
                     task.parameters(size, np.random.default_rng(0))
                 except InputError as error:
@@ -121,6 +124,18 @@ class Task:
             p: given[p] if p in given else int(rng.integers(self.file.defaults[p][0], self.file.defaults[p][1] + 1))
             for p in self.file.size
         }
+
+    @property
+    def validation_sizes(self) -> list[str]:
+        """Sizes on which a policy is tried out before it is believed: by default, for each parameter, the largest
+        values seen in training and one more of this one.
+        """
+        if self.file.validation is not None:
+            return [str(size) for size in self.file.validation]
+        rng = np.random.default_rng(0)
+        train = [self.parameters(size, rng) for size in self.file.train]
+        largest = {p: max(parameters[p] for parameters in train) for p in self.file.size}
+        return ["-".join(str(n + (p == q)) for q, n in largest.items()) for p in largest]
 
     def instance(self, size: int | str, seed: int, *, robot: str | None = None) -> Instance:
         """Draw the instance of this size and seed. Raises NoAnswer when the scene cannot be built."""

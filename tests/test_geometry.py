@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import pickle
+import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from itertools import pairwise
 
@@ -299,3 +301,26 @@ def test_nothing_is_printed():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "" and done.stderr == ""
+
+
+def test_ctrl_c_is_not_lost_in_a_collision_query() -> None:
+    """FCL swallows what a callback in Python raises, and a busy loop spends most of its time there."""
+    program = (
+        "import numpy as np\n"
+        "from gentamp_lp.geometry.collision import Swept, placed\n"
+        "from gentamp_lp.geometry.shapes import box\n"
+        "shape, here = box(1, 1, 1), np.eye(4)\n"
+        "swept = Swept([placed(part, here) for part in shape.parts] * 200)\n"
+        "print('ready', flush=True)\n"
+        "while True: swept.hits(shape, here)\n"
+    )
+    for _ in range(4):
+        child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert child.stdout is not None and child.stdout.readline() == b"ready\n"
+        time.sleep(0.1)
+        child.send_signal(signal.SIGINT)
+        try:
+            _, errors = child.communicate(timeout=5)
+        finally:
+            child.kill()
+        assert b"KeyboardInterrupt" in errors

@@ -6,6 +6,8 @@ that touch collide; a gap of `shapes.GAP` does not.
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
@@ -81,6 +83,25 @@ def hits_table(shape: Shape, pose: Array) -> bool:
     return False
 
 
+class _Uninterrupted:
+    """Puts Ctrl-C off until the end of a `with` block: FCL swallows what is raised while it calls back."""
+
+    def __enter__(self) -> None:
+        self._pending = False
+        self._main = threading.current_thread() is threading.main_thread()  # no other thread runs handlers
+        if self._main:
+            self._previous = signal.signal(signal.SIGINT, self._note)
+
+    def __exit__(self, *_: object) -> None:
+        if self._main:
+            signal.signal(signal.SIGINT, self._previous)
+        if self._pending:
+            signal.raise_signal(signal.SIGINT)
+
+    def _note(self, *_: object) -> None:
+        self._pending = True
+
+
 def _stop_at_first(first: Any, second: Any, data: Any) -> bool:
     """Broadphase callback: true ends the query."""
     if fcl.collide(first, second, data.request, data.result):
@@ -114,11 +135,12 @@ class Swept:
     def hits(self, shape: Shape, pose: Array, *, envelope: bool = True) -> bool:
         """Tell whether a placed shape overlaps any body; `envelope` counts the envelopes of both sides."""
         managers = self._with_space if envelope else self._managers
-        for part in shape.volumes(envelope=envelope):
-            body = placed(part, pose)
-            for manager in managers:
-                data = fcl.CollisionData()
-                manager.collide(body, data, _stop_at_first)
-                if data.result.is_collision:
-                    return True
+        with _Uninterrupted():
+            for part in shape.volumes(envelope=envelope):
+                body = placed(part, pose)
+                for manager in managers:
+                    data = fcl.CollisionData()
+                    manager.collide(body, data, _stop_at_first)
+                    if data.result.is_collision:
+                        return True
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gentamp_lp.streams.formula import Atom
@@ -217,6 +217,46 @@ class FactBase:
         for atom in stream.certified:
             self.add((atom.predicate, *bind(atom, binding)))
         return tuple(names)
+
+    def trimmed(self, quota: Mapping[str, int], needed: Iterable[str]) -> FactBase:
+        """What is known of the first `quota[stream]` (default 1) draws on each inputs, and of the `needed` entities.
+
+        The result grows on its own; streams go on where they are, so that what was left out is never drawn again.
+        """
+        wanted: set[str] = set()
+        waiting = list(needed)
+        while waiting:
+            name = waiting.pop()
+            if name not in wanted:
+                wanted.add(name)
+                waiting += self.made_by[name][1] if name in self.made_by else ()
+        kept = dict.fromkeys(wanted, True)
+
+        def keep(name: str) -> bool:
+            if name not in kept:
+                made = self.made_by.get(name)
+                kept[name] = made is None or (made[2] <= quota.get(made[0], 1) and all(map(keep, made[1])))
+            return kept[name]
+
+        base = replace(
+            self,
+            values={name: value for name, value in self.values.items() if keep(name)},
+            static={},
+            made_by={name: made for name, made in self.made_by.items() if keep(name)},
+        )
+        for predicate, relation in self.static.items():
+            rows = base.static.setdefault(predicate, Relation())
+            for row in relation.rows:
+                if all(map(keep, row)):
+                    rows.add(row)
+        base._truth = {fact: true for fact, true in self._truth.items() if all(map(keep, fact[1:]))}
+        base._counts = dict(self._counts)
+        base._sources = {
+            key: _Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted)
+            for key, source in self._sources.items()
+            if all(map(keep, key[1]))
+        }
+        return base
 
     def new_name(self, prefix: str) -> str:
         """A fresh entity name."""
