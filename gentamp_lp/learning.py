@@ -28,7 +28,7 @@ FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while
 ROLLOUT_ROUNDS = 5
 VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
 _EXPLAINED = 6  # states shown when there is no policy
-_ROLLOUT_TRIES = 3  # rounds of guided planning before a roll-out counts as failed
+_ROLLOUT_TRIES = 2  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
 
 

@@ -57,6 +57,16 @@ def test_sizes():
             task.parameters(bad, rng)
 
 
+def test_policies_are_tried_one_step_above_training(tmp_path):
+    assert Task.load("unstack").validation_sizes == ["9"]
+    assert Task.load("load").validation_sizes == ["4-4", "3-5"]
+    path = tmp_path / "unstack.yaml"
+    path.write_text(UNSTACK.replace("train: [8]", "train: [8]\nvalidation: [4, 10]"))
+    assert Task.load(path).validation_sizes == ["4", "10"]
+    path.write_text(UNSTACK.replace("train: [8]", "train: [8]\nvalidation: []"))
+    assert Task.load(path).validation_sizes == []
+
+
 def test_an_impossible_scene_is_refused_with_the_reason():
     with pytest.raises(NoAnswer, match="no free reachable place"):
         Task.load("load").instance("1-60", 0)
@@ -67,6 +77,7 @@ def test_an_impossible_scene_is_refused_with_the_reason():
     [
         (UNSTACK, "robot: panda", "robots: panda", "robots:", "Extra inputs"),
         (UNSTACK, "train: [8]", "train: [eight]", "train:", "not a size"),
+        (UNSTACK, "train: [8]", "train: [8]\nvalidation: [9, 9-9]", "validation:", "not a size"),
         (UNSTACK, "max_height: 8", "max_height: tall", "start:", "valid integer"),
         (UNSTACK, "goes: [table]", "goes: [shelf]", "scene:", "neither a support nor a thing"),
         (UNSTACK, "(Table ?s)", "(Tabel ?s)", "goal:", "unknown predicate `Tabel`"),

@@ -238,3 +238,19 @@ def test_states_are_judged_alike_by_views_and_by_fast_downward() -> None:
             plan = downward.search(line.program, line.base, state, line.goal, time_limit=20)
             assert plan is not None
             assert (len(plan) == 1) == possible, (condition, pose)
+
+
+def test_trimming_forgets_later_samples_but_not_what_is_needed() -> None:
+    line = Line("(AllRed)")
+    base, (stream, *_) = line.base, line.base.streams
+    sample(base, {"sample-pose": 4}, float("inf"))
+    drawn = {b: [p for b2, p in base.relation("pose").rows if b2 == b and p in base.made_by] for b in ("b0", "b1")}
+    assert base.truth("red", ("b0", drawn["b0"][3])) and not base.truth("red", ("b0", drawn["b0"][0]))
+    trimmed = base.trimmed({"sample-pose": 1}, [drawn["b0"][3]])
+    kept = [p for _, p in trimmed.relation("pose").rows if p in base.made_by]
+    assert kept == [drawn["b0"][0], drawn["b0"][3], drawn["b1"][0]]
+    assert ("b0", drawn["b0"][3]) in trimmed.relation("red").rows
+    assert len(base.relation("pose")) == 2 + 8  # the original is as it was
+    assert not sample(trimmed, {"sample-pose": 1}, float("inf"))  # one draw each has been made
+    assert trimmed.drawn(stream, ("b0",)) == 1
+    assert trimmed.new_name("p") not in base.values
