@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gentamp_lp.learning import learn
+    from gentamp_lp.listing import list_features
     from gentamp_lp.planning import solve
     from gentamp_lp.policy import Policy
     from gentamp_lp.task import Task
 
 __version__ = "0.1.0"
-__all__ = ["Policy", "Task", "learn", "solve"]
+__all__ = ["Policy", "Task", "learn", "list_features", "solve"]
 
-_HOMES = {"Policy": "policy", "Task": "task", "learn": "learning", "solve": "planning"}
+_HOMES = {"Policy": "policy", "Task": "task", "learn": "learning", "list_features": "listing", "solve": "planning"}
 
 
 def __getattr__(name: str) -> Any:
