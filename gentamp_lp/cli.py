@@ -339,6 +339,57 @@ def _pruning(report: dict[str, Any]) -> str:
     )
 
 
+@app.command()
+def explain(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],
+    feature: Annotated[str | None, typer.Option("--feature", help="Only this feature, e.g. f2.")] = None,
+    state: Annotated[
+        Path | None, typer.Option("--state", help="Plan file (solve --out): say what the policy does in its states.")
+    ] = None,
+    json_: JsonOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Say what the features of a policy mean, why they were chosen, and what the policy does along a plan.
+
+    Example: `gentamp-lp explain runs/load --state plan.json`
+    """
+    from gentamp_lp.explain import explain as run
+    from gentamp_lp.explain import trace
+    from gentamp_lp.plan import Plan
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.task import Task
+
+    policy = Policy.load(folder)
+    explained = run(policy, folder, feature)
+    names = [row.name for row in explained]
+    states = []
+    if state is not None:
+        plan = Plan.load(state)
+        states = trace(policy, plan, Task.load(plan.task, trust=trust))
+    if json_:
+        _print_json({"features": [vars(row) for row in explained], "states": [vars(row) for row in states]})
+        return
+    for row in explained:
+        mark = "" if row.open is None else "  open" if row.open else "  closed"
+        _say(f"{row.name}  {row.kind}  cost {row.cost}{mark}  {row.formula}")
+        for use in row.used:
+            _say(f"    {use}")
+        if row.why:
+            _say(f"    why: {row.why}")
+    for number, seen in enumerate(states):
+        shown = ", ".join(f"{n}={seen.values[n]}{_some(seen.holds.get(n))}" for n in names)
+        _say(f"state {number}: {shown}")
+        _say(f"    {seen.abstract}; the policy does {seen.does}")
+        if seen.step:
+            _say(f"    next: {seen.step}")
+
+
+def _some(entities: list[str] | None, most: int = 4) -> str:
+    if not entities:
+        return ""
+    return f" ({', '.join(entities[:most])}{', …' if len(entities) > most else ''})"
+
+
 @app.command("compile")
 def compile_(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],

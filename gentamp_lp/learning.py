@@ -16,10 +16,12 @@ from gentamp_lp.compile import constrained_domain, to_text
 from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
 from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.evidence import parse_evidence
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.openness import Openness
 from gentamp_lp.policy import Policy
 from gentamp_lp.pool import Pool, check_grammars, deepen, describe, split_formula
+from gentamp_lp.reasons import reasons
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
@@ -41,6 +43,7 @@ class Learned:
     dataset: Dataset
     pool: Pool
     solution: Solution
+    facts: str = field(repr=False)  # what the ASP program was given
     complexity: int  # of the pool the policy was found in
     proved: int  # no abstraction with features up to this complexity is cheaper
     rounds: int
@@ -56,6 +59,7 @@ class Learned:
         names = [feature.name for feature in policy.features]
         sorts = {name: tuple(row) for name, row in self.dataset.predicates.items()}
         openness = Openness(self.task.folder.domain, self.task.folder.streams, sorts)
+        why = self.reasons()
         return {
             "task": self.task.name,
             "version": gentamp_lp.__version__,
@@ -67,6 +71,7 @@ class Learned:
                     "kind": f.kind,
                     "cost": f.cost,
                     "open": openness.is_open(f.formula, f.variable, f.sort),
+                    "why": why[f.name],
                 }
                 for f in policy.features
             ],
@@ -101,6 +106,17 @@ class Learned:
                 "total": round(sum(self.seconds.values()), 3),
             },
         }
+
+    def reasons(self) -> dict[str, str]:
+        """Why each feature was selected: what goes wrong without it."""
+        fluents = self.task.folder.domain.fluents
+        found = reasons(
+            self.solution,
+            parse_evidence(self.facts),
+            self.policy.fairness,
+            lambda state: self.dataset.describe(state, fluents),
+        )
+        return {f.name: found[number] for f, number in zip(self.policy.features, self.solution.features, strict=True)}
 
     def save(self, folder: Path) -> None:
         """Write the policy bundle, whole or not at all."""
@@ -245,7 +261,9 @@ def _policies(
                     policy = _policy(task, data, pool, solution, facts)
                 # an abstraction with a deeper feature costs at least level + 1
                 proved = 0 if not solution.optimal else highest if solution.cost <= level + 1 else level
-                learned = Learned(task, policy, data, pool, solution, level, proved, 0, clock.seconds, solution.by_user)
+                learned = Learned(
+                    task, policy, data, pool, solution, facts, level, proved, 0, clock.seconds, solution.by_user
+                )
                 yield learned
             if not solution.optimal:
                 return

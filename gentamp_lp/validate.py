@@ -24,7 +24,7 @@ _NAME = re.compile(r"\w[\w-]*")
 def validate(plan: Plan, task: Task) -> list[str]:
     """What is wrong with a plan; empty when it is sound. Raises InputError when its values cannot be read."""
     instance = task.instance(plan.size, plan.seed, robot=plan.robot)
-    _adopt(plan, instance)
+    adopt(plan, instance)
     problems = _unfounded(plan, instance)
     check_facts = getattr(task.folder.code, "check_facts", None)  # a domain may check claims no replay would test
     if check_facts and not problems:
@@ -41,7 +41,7 @@ def validate(plan: Plan, task: Task) -> list[str]:
     return problems
 
 
-def _adopt(plan: Plan, instance: Instance) -> None:
+def adopt(plan: Plan, instance: Instance) -> None:
     """Take over the plan's entities and the stream facts it claims about them (the replay puts these to the test)."""
     base, code = instance.base, instance.task.folder.code
     for name, data in plan.entities.items():

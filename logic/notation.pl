@@ -414,8 +414,8 @@ rename(Atom0, S, Atom, N, N) :-
 
 %!  formula_cost(+Formula, :Hidden, -Cost) is det.
 %
-%   The larger of the number of literals (and one for closing a formula or a relation) and of the number of
-%   variables, as in the grammar. Hidden is called with an atom and the positions of its variables that occur
+%   The larger of the number of literals (and one for closing a formula or a relation, or for an implication that is
+%   not the body of a universal quantifier) and of the number of variables, as in the grammar. Hidden is called with an atom and the positions of its variables that occur
 %   nowhere else; they are not counted if it succeeds.
 
 formula_cost(formula(Free, Formula), Hidden, Cost) :-
@@ -438,8 +438,13 @@ measure(Pair, Hidden, L, V) :-
     !,
     measure(F, Hidden, L1, V1),
     measure(G, Hidden, L2, V2),
-    L is L1 + L2,
+    ( Pair = implies(_, _) -> Extra = 1 ; Extra = 0 ),
+    L is L1 + L2 + Extra,
     V is V1 + V2.
+measure(every(_, _, implies(F, G)), Hidden, L, V) :-
+    !,
+    measure(conj(F, G), Hidden, L, V1),
+    V is V1 + 1.
 measure(Projection, Hidden, 1, 0) :-
     projected(Projection, Vs, Atom),
     Vs = [_|_],

@@ -65,7 +65,7 @@ hidden(at(_, _), [1]).
 
 test(cost, [forall(member(Text-Cost, ["Red(x)"-1, "Empty"-1, "∃y On(x,y)"-2, "∃o At(o,p)"-1, "At(_,p)"-1,
                                       "∃o At(o,p) ∧ Red(o)"-2, "∃x Red(x)"-2, "∃y On(x,y) ∧ Red(y) ∧ Red(x)"-3,
-                                      "∃y ∀z On(x,y) ⇒ On(z,y)"-3])),
+                                      "∃y ∀z On(x,y) ⇒ On(z,y)"-3, "Red(x) ⇒ Empty"-3, "∃y On(x,y) ⇒ Red(y)"-3])),
             true(C == Cost), nondet]) :-
     parse_formula(Text, Free, Parsed),
     resolve(Parsed, [Free], known, Sorts, Formula),

@@ -1,0 +1,83 @@
+"""Why each feature was selected: what goes wrong without it, in a state of the training data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import or_
+
+from gentamp_lp.abstraction import Solution
+from gentamp_lp.evidence import Evidence
+from gentamp_lp.lemmas import Lemma, Theory, compress
+
+_WORDS = {
+    "frontier": "the policy could lead where it knows no rule",
+    "termination": "nothing shows that a loop of the policy ends",
+    "acyclic": "the policy could run in a loop",
+    "trap": "no goal could be reached",
+}
+
+
+def reasons(solution: Solution, evidence: Evidence, fairness: str, describe: Callable[[int], str]) -> dict[int, str]:
+    """For each selected feature a sentence: what the other selected features alone cannot do.
+
+    `describe` says what is true in a state, given its number.
+    """
+    theory = compress(evidence, fairness)
+    bit = {feature: 1 << i for i, feature in enumerate(f.id for f in evidence.features)}
+    everything = reduce(or_, (bit[f] for f in solution.features), 0)
+    choice = _choice(theory, solution)
+    return {
+        feature: _reason(theory, everything & ~bit[feature], bit[feature], choice, describe)
+        for feature in solution.features
+    }
+
+
+def _choice(theory: Theory, solution: Solution) -> dict[int, int]:
+    """The chosen move of each class of expanded states."""
+    chosen = {theory.evidence.transitions[t].source: theory.evidence.transitions[t] for t in solution.chosen}
+    choice = {}
+    for state in theory.expanded:
+        for source, step in chosen.items():
+            if theory.home[source] == state.id:
+                change = step.inc & theory.features, step.dec & theory.features
+                choice[state.id] = next(move.id for move in state.moves if (move.inc, move.dec) == change)
+                break
+    return choice
+
+
+def _reason(
+    theory: Theory, others: int, feature: int, choice: Mapping[int, int], describe: Callable[[int], str]
+) -> str:
+    lemmas = theory.refute(others, dict(choice))
+    if not lemmas:
+        return "it is not needed on the training data"
+    kind = lemmas[0].kind
+    if kind == "goal":
+        goal, state = _confused(theory.evidence, others)
+        rivals = _rivals(theory, lemmas, feature)
+        return f"without it, {describe(goal)} looks like {describe(state)}{rivals}"
+    states = sorted(lemmas[0].states)
+    if kind == "consistency":
+        first, second = (states * 2)[:2]
+        return f"without it, {describe(first)} and {describe(second)} look alike, but the policy does not do the same"
+    return f"without it, {_WORDS[kind]}: {'; '.join(describe(state) for state in states[:3])}"
+
+
+def _confused(evidence: Evidence, features: int) -> tuple[int, int]:
+    """A goal state and another that the features do not tell apart."""
+    goals = {evidence.states[goal] & features: goal for goal in sorted(evidence.goals, reverse=True)}
+    return next(
+        (goals[values & features], state)
+        for state, values in evidence.states.items()
+        if state not in evidence.goals and values & features in goals
+    )
+
+
+def _rivals(theory: Theory, lemmas: list[Lemma], feature: int) -> str:
+    """How many other features of the pool would do what this one does for the goal, and how cheap they are."""
+    able = reduce(lambda mask, lemma: mask & lemma.selected, lemmas, theory.features) & ~feature
+    costs = sorted(theory.evidence.features[i].cost for i in range(able.bit_length()) if able >> i & 1)
+    if not costs:
+        return "; no other feature of the pool tells them apart"
+    return f"; {len(costs)} other feature(s) of the pool would tell them apart, at a cost of {costs[0]} or more"
