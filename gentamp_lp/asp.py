@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -161,6 +161,31 @@ def _answer(model: clingo.Model) -> Answer:
         tuple(model.cost),
         model.optimality_proven,
     )
+
+
+def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -> dict[str, list[tuple[int, ...]]]:
+    """Return the atoms over numbers that follow from a program without choices, for predicates `wanted` by arity.
+
+    Grounding alone computes them, so negation is allowed in stratified programs only.
+    """
+    messages: list[str] = []
+    control = clingo.Control(["--warn=all"], logger=lambda code, message: messages.append(message.strip()))
+    try:
+        for file in files:
+            control.load(str(file))
+        control.add("base", [], facts)
+        control.ground([("base", [])])
+    except RuntimeError as error:
+        raise SolverError("\n".join([str(error), *messages])) from error
+    if messages:
+        raise SolverError("\n".join(messages))
+    return {
+        name: sorted(
+            tuple(argument.number for argument in atom.symbol.arguments)
+            for atom in control.symbolic_atoms.by_signature(name, arity)
+        )
+        for name, arity in wanted.items()
+    }
 
 
 class _Lazy(clingo.Propagator):

@@ -9,7 +9,7 @@ One pass is not enough: an inner loop may show only after the outer one is cut.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -49,8 +49,12 @@ class Verdict(Generic[Node]):
         return not self.stuck
 
 
-def sieve(edges: Iterable[Edge[Node]]) -> Verdict[Node]:
+def sieve(edges: Iterable[Edge[Node]], outcomes: Mapping[Node, Collection[Node]] | None = None) -> Verdict[Node]:
     """Run SIEVE; nodes and variables keep the order in which they first appear, so the answer is reproducible.
+
+    With `outcomes`, all that may follow each node, it decides conditional fairness: `lowered` and `raised` are the
+    constraints i with the action of the node in con_A(i), con_B(i). Then an edge is deleted only if its node has an
+    outcome outside the component, because a fair action that cannot leave may go on for ever.
 
     >>> sieve([Edge("a", "a", lowered=frozenset({1}))]).cuts
     (Cut(variable=1, nodes=('a',)),)
@@ -63,13 +67,15 @@ def sieve(edges: Iterable[Edge[Node]]) -> Verdict[Node]:
     while waiting:
         inside = waiting.pop(0)
         raised = frozenset[int]().union(*(edge.raised for edge in inside))
-        lowered = frozenset[int]().union(*(edge.lowered for edge in inside)) - raised
-        if not lowered:
+        nodes = dict.fromkeys(edge.source for edge in inside)
+        leaving = {node for node in nodes if outcomes is None or any(after not in nodes for after in outcomes[node])}
+        gone = {edge for edge in inside if edge.source in leaving and edge.lowered - raised}
+        if not gone:
             stuck.append(tuple(inside))
             continue
-        nodes = tuple(dict.fromkeys(edge.source for edge in inside))
-        cuts.extend(Cut(variable, nodes) for variable in sorted(lowered))
-        waiting.extend(components([edge for edge in inside if not edge.lowered & lowered]))
+        lowered = frozenset[int]().union(*(edge.lowered for edge in gone)) - raised
+        cuts.extend(Cut(variable, tuple(nodes)) for variable in sorted(lowered))
+        waiting.extend(components([edge for edge in inside if edge not in gone]))
     return Verdict(tuple(cuts), tuple(stuck))
 
 
@@ -85,13 +91,13 @@ def components(edges: list[Edge[Node]]) -> list[list[Edge[Node]]]:
     return list(inside.values())
 
 
-def short_loops(edges: list[Edge[Node]]) -> list[list[Edge[Node]]]:
-    """Return a shortest loop through each edge of a component, shortest first."""
+def short_loops(edges: list[Edge[Node]], most: int | None = None) -> list[list[Edge[Node]]]:
+    """Return a shortest loop through each edge (or each of the first `most` edges) of a component, shortest first."""
     out: dict[Node, list[Edge[Node]]] = {}
     for edge in edges:
         out.setdefault(edge.source, []).append(edge)
     loops: dict[frozenset[tuple[Node, Node]], list[Edge[Node]]] = {}
-    for first in edges:
+    for first in edges[:most]:
         came: dict[Node, Edge[Node] | None] = {first.target: None}
         queue = [first.target]
         for node in queue:

@@ -5,10 +5,10 @@ import pytest
 from gentamp_lp.asp import Program
 from gentamp_lp.resources import resource
 
-ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp")
+ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp")
 FILES = sorted(
     path
-    for folder in ("", "abstraction", "reference")
+    for folder in ("", "abstraction", "reference", "synthesis", "qnp")
     for path in resource("asp", folder).glob("*.lp")
     if folder or path.name in ENTRIES
 )
