@@ -217,22 +217,71 @@ def solve(
 
 
 @app.command()
+def synthesize(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Graph or QNP facts (.lp), or PDDL with oneof (domain and problem)."),
+    ],
+    fairness: Annotated[Fairness | None, typer.Option(help="Level to reach [the strongest that exists].")] = None,
+    minimize: Annotated[bool, typer.Option("--minimize", help="Fewest policy states, with proof.")] = False,
+    time_limit: Annotated[float | None, typer.Option("--time-limit", min=0.01, help="Seconds for solving.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Write policy and certificate to this JSON file.")] = None,
+    json_: JsonOpt = False,
+) -> None:
+    """Find a policy for a QNP or FOND problem, or prove that there is none and say why.
+
+    Example: `gentamp-lp synthesize docs/examples/synthesis/clear.lp --minimize --out clear.json`
+    """
+    from gentamp_lp.plan import write_text
+    from gentamp_lp.synthesis import report as show
+    from gentamp_lp.synthesis.certificate import certificate
+    from gentamp_lp.synthesis.explaining import explain
+    from gentamp_lp.synthesis.reading import parse_problem, read_sources
+    from gentamp_lp.synthesis.solving import synthesize as run
+
+    sources = read_sources(files)
+    level = None if fairness is None else fairness.value
+    found = run(parse_problem(sources), fairness=level, minimize=minimize, time_limit=time_limit)
+    reason = explain(found.problem, found.fairness) if found.solvable is False else None
+    if found.solvable and out is not None:
+        write_text(out, json.dumps(certificate(found, sources), indent=1, ensure_ascii=False) + "\n")
+        messages.print(f"certificate written to {out}", soft_wrap=True)
+    if json_:
+        _print_json(show.report(found, reason))
+    elif found.solvable:
+        _say(show.text(found))
+    if found.limited:
+        messages.print("limit reached" + (": this is the best policy found so far" if found.solvable else ""))
+        raise typer.Exit(130 if found.by_user else 3)
+    if reason is not None:
+        if not json_:
+            _say(reason)
+        raise typer.Exit(1)
+
+
+@app.command()
 def validate(
-    file: Annotated[Path, typer.Argument(help="Plan file written by `solve --out`, or a policy bundle.")],
+    file: Annotated[Path, typer.Argument(help="File of `solve --out` or `synthesize --out`, or a policy bundle.")],
     json_: JsonOpt = False,
     trust: TrustOpt = False,
 ) -> None:
-    """Check a plan (symbolically and by replaying its motions in PyBullet) or the certificate of a policy bundle.
+    """Check a plan (symbolically and by replaying its motions in PyBullet) or the certificate of a policy.
+
+    A certificate is a policy bundle of `learn`, or the file that `synthesize --out` writes.
 
     Example: `gentamp-lp validate plan.json`
     """
     from gentamp_lp.plan import Plan
     from gentamp_lp.policy import Policy
+    from gentamp_lp.synthesis.certificate import check as check_certificate
+    from gentamp_lp.synthesis.certificate import load_certificate
     from gentamp_lp.task import Task
     from gentamp_lp.validate import validate as check
 
     if file.is_dir():
         problems = Policy.load(file).check()
+    elif (document := load_certificate(file)) is not None:
+        problems = check_certificate(document)
     else:
         plan = Plan.load(file)
         problems = check(plan, Task.load(plan.task, trust=trust))

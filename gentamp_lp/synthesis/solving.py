@@ -122,8 +122,11 @@ def _solve(problem: Problem, level: str, minimize: bool, limit: float | None) ->
     chosen, optimal, bound = outcome.answers[-1].atoms.get("chosen", ()), False, 0
     if minimize:
         left = None if limit is None else max(limit - (time.monotonic() - start), 0.01)
-        outcome, more = _search(problem, facts, level, True, left)
-        statistics = {name: count + statistics.get(name, 0) for name, count in more.items()}
+        try:
+            outcome, more = _search(problem, facts, level, True, left)
+        except KeyboardInterrupt:  # keep the first policy
+            outcome, more = Outcome(interrupted=True, by_user=True), {}
+        statistics = {name: statistics.get(name, 0) + more.get(name, 0) for name in statistics | more}
         if outcome.answers:
             chosen = outcome.answers[-1].atoms.get("chosen", ())
         optimal, bound = not outcome.interrupted, max(outcome.bound, default=0)
