@@ -14,6 +14,8 @@ QNP facts:
                                     true, false
 
 A variable without init/2 may start with either value. The states are made by the rules of `asp/qnp.lp`.
+
+PDDL (files named .pddl) is read by fond.py.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from gentamp_lp.asp import consequences
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.resources import resource
 from gentamp_lp.synthesis.facts import Fact, read_facts
+from gentamp_lp.synthesis.fond import parse_fond
 from gentamp_lp.synthesis.problem import Choice, Problem, reachable
 
 Source = tuple[str, str]  # name and text of a file
@@ -57,9 +60,12 @@ def read_sources(files: Sequence[Path | str]) -> list[Source]:
 def parse_problem(sources: Sequence[Source]) -> Problem:
     """Read a problem from texts; the ending of the names tells the format."""
     endings = {Path(name).suffix for name, _ in sources}
+    if endings == {".pddl"}:
+        return parse_fond(sources)
     if endings != {".lp"}:
         name = next((name for name, _ in sources if Path(name).suffix != ".lp"), None)
-        raise InputError(Diagnostic("cannot tell the format", name, hint="name fact files .lp"))
+        hint = "name files of facts .lp, domain and problem .pddl, and do not mix them"
+        raise InputError(Diagnostic("cannot tell the format", name, hint=hint))
     facts = [fact for name, text in sources for fact in read_facts(text, name)]
     first = next((fact for fact in facts if (fact.name in _QNP) != (fact.name in _GRAPH)), None)
     qnp = first is not None and first.name in _QNP

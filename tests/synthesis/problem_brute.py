@@ -49,7 +49,7 @@ class Tiny:
         """Return the levels of fairness at which a closed policy reaches the goal."""
         states = sorted(policy)
         bit = {state: 1 << i for i, state in enumerate(states)}
-        after = [sum(bit.get(o, 0) for o in self.choices[s][policy[s]]) for s in states]
+        after = [_union(bit.get(o, 0) for o in self.choices[s][policy[s]]) for s in states]
         leaves = [any(o not in bit for o in self.choices[s][policy[s]]) for s in states]
         may = [self.may.get(policy[s], set()) for s in states]
         unless = [self.unless.get(policy[s], set()) for s in states]
@@ -175,3 +175,60 @@ def random_qnp(rng):
     unless = {name: {v for v, e in eff.items() if e == "increase"} for name, (_, eff) in actions.items()}
     rng.shuffle(lines)
     return Tiny(initial, goals, choices, may, unless, "\n".join(lines))
+
+
+def random_pddl(rng):
+    """Propositional PDDL with oneof and when; an action is a list of outcomes, each a list of (if, atom, value)."""
+    atoms = [f"p{i}" for i in range(rng.randint(1, 4))]
+
+    def literal(atom, value):
+        return f"({atom})" if value else f"(not ({atom}))"
+
+    def some(share):
+        return {atom: rng.random() < 0.5 for atom in atoms if rng.random() < share}
+
+    actions, lines = {}, []
+    for a in range(rng.randint(1, 4)):
+        pre = some(0.3)
+        outcomes = [
+            [(some(0.2), atom, value) for atom, value in some(0.5).items()] for _ in range(rng.choice([1, 2, 2, 3]))
+        ]
+        always = [(some(0.2), atom, value) for atom, value in some(0.15).items()]
+        actions[f"a{a}"] = (pre, [always + outcome for outcome in outcomes])
+
+        def effect(changes):
+            parts = []
+            for condition, atom, value in changes:
+                when = " ".join(literal(*row) for row in condition.items())
+                parts.append(f"(when (and {when}) {literal(atom, value)})" if condition else literal(atom, value))
+            return f"(and {' '.join(parts)})"
+
+        lines.append(
+            f"(:action a{a} :parameters () :precondition (and {' '.join(literal(*row) for row in pre.items())})\n"
+            f"  :effect (and {effect(always)} (oneof {' '.join(map(effect, outcomes))})))"
+        )
+    start = {atom: rng.random() < 0.5 for atom in atoms}
+    goal = {atom: rng.random() < 0.5 for atom in rng.sample(atoms, min(2, len(atoms)))}
+    choices = {}
+    for values in product((False, True), repeat=len(atoms)):
+        state = dict(zip(atoms, values, strict=True))
+        for name, (pre, outcomes) in actions.items():
+            if all(state[atom] == value for atom, value in pre.items()):
+                after = []
+                for outcome in outcomes:
+                    now = [
+                        (atom, value) for cond, atom, value in outcome if all(state[a] == v for a, v in cond.items())
+                    ]
+                    result = {**state, **{a: False for a, v in now if not v}, **{a: True for a, v in now if v}}
+                    after.append(tuple(result.values()))
+                choices.setdefault(values, {})[name] = after
+    valuations = product((False, True), repeat=len(atoms))
+    goals = {values for values in valuations if all(values[atoms.index(a)] == v for a, v in goal.items())}
+    predicates = " ".join(f"({atom})" for atom in atoms)
+    init = " ".join(f"({atom})" for atom, value in start.items() if value)
+    text = (
+        f"(define (domain d) (:predicates {predicates})\n" + "\n".join(lines) + ")\n"
+        f"(define (problem p) (:domain d) (:init {init})\n"
+        f"(:goal (and {' '.join(literal(*row) for row in goal.items())})))"
+    )
+    return Tiny([tuple(start.values())], goals, choices, {}, {}, text)

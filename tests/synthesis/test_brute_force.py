@@ -4,7 +4,7 @@ import json
 import random
 
 import pytest
-from problem_brute import random_fond, random_qnp
+from problem_brute import random_fond, random_pddl, random_qnp
 
 from gentamp_lp.synthesis import synthesize
 from gentamp_lp.synthesis.certificate import certificate, check
@@ -16,7 +16,7 @@ LEVELS = ("strong", "qnp", "strong-cyclic")
 
 def compare(tiny, levels):
     """Compare some levels (None: the strongest that has a policy); return the smallest policy sizes."""
-    sources = [("tiny.lp", tiny.text)]
+    sources = [("tiny.pddl" if tiny.text.startswith("(") else "tiny.lp", tiny.text)]
     problem = parse_problem(sources)
     best = tiny.best()
     for level in levels:
@@ -55,8 +55,13 @@ def test_random_problems(make, block):
     assert len(counts) == 4 and min(counts.values()) >= 3, counts
 
 
+def test_random_pddl():
+    counts = sweep(random_pddl, range(250), 7, 60, None)
+    assert len(counts) == 3 and min(counts.values()) >= 3, counts
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [random_fond, random_qnp])
+@pytest.mark.parametrize("make", [random_fond, random_qnp, random_pddl])
 @pytest.mark.parametrize("block", range(5))
 def test_more_random_problems(make, block):
     sweep(make, range(10_000 + 1000 * block, 10_000 + 1000 * (block + 1)), 9, 300, (*LEVELS, None))
