@@ -34,8 +34,8 @@ def detours(length: int) -> str:
     lines += ["transition(home, start, r(0))."]
     for i in range(length):
         for side in ("left", "right"):
-            lines.append(f"state({side[0]}({i})). transition(r({i}), {side}, {side[0]}({i})).")
-            lines.append(f"transition({side[0]}({i}), on, r({i + 1})).")
+            lines.append(f"state({side}({i})). transition(r({i}), {side}, {side}({i})).")
+            lines.append(f"transition({side}({i}), on, r({i + 1})).")
     lines += [f"transition(r({length}), leave, home). transition(r({length}), leave, end)."]
     lines += ["", "con_A(leave, luck). con_B(start, luck)."]
     return "\n".join(lines) + "\n"

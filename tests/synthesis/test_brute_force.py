@@ -64,4 +64,4 @@ def test_random_pddl():
 @pytest.mark.parametrize("make", [random_fond, random_qnp, random_pddl])
 @pytest.mark.parametrize("block", range(5))
 def test_more_random_problems(make, block):
-    sweep(make, range(10_000 + 1000 * block, 10_000 + 1000 * (block + 1)), 9, 300, (*LEVELS, None))
+    sweep(make, range(10_000 + 400 * block, 10_000 + 400 * (block + 1)), 9, 300, (*LEVELS, None))
