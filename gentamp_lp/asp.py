@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import clingo
 
@@ -80,11 +80,18 @@ class Program:
         *,
         limit: float | None = None,
         assume: Iterable[Atom] = (),
+        optimize: bool | None = None,
         on_answer: Callable[[Answer], bool | None] | None = None,
         on_bound: Callable[[tuple[int, ...]], None] | None = None,
     ) -> Outcome:
-        """Search until done, `on_answer` returns False, the limit (seconds) ends, or Ctrl-C; keep what was found."""
+        """Search until done, `on_answer` returns False, the limit (seconds) ends, or Ctrl-C; keep what was found.
+
+        `optimize` says whether to obey `#minimize` in this search (None: as the options of the program say).
+        """
         outcome = Outcome()
+        if optimize is not None:
+            solving: Any = self._control.configuration.solve
+            solving.opt_mode = "opt" if optimize else "ignore"
         literals = {self._literal(atom): atom for atom in assume}
         errors: list[BaseException] = []
 

@@ -112,8 +112,22 @@ def encode(problem: Problem) -> str:
 def _solve(problem: Problem, level: str, minimize: bool, limit: float | None) -> Synthesis:
     """Look for any policy first; core-guided minimisation proves fast, but meets no policy before the best."""
     start = time.monotonic()
-    facts = encode(problem)
-    outcome, statistics = _search(problem, facts, level, False, limit)
+    program = Program(
+        [resource("asp", "synthesis.lp")],
+        encode(problem),
+        options=["-c", f"fairness={level.replace('-', '_')}", "--opt-strategy=usc"],
+        theory=_Termination(problem) if level == "qnp" else None,
+    )
+    statistics: dict[str, int] = {}
+
+    def search(optimize: bool) -> Outcome:
+        left = None if limit is None else max(limit - (time.monotonic() - start), 0.01)
+        outcome = program.solve(limit=left, optimize=optimize, on_answer=None if optimize else _first)
+        for name, count in program.statistics().items():  # clauses are counted over all searches
+            statistics[name] = count + (0 if name.startswith("clauses") else statistics.get(name, 0))
+        return outcome
+
+    outcome = search(False)
     if not outcome.answers:
         solvable = False if outcome.complete else None
         return Synthesis(
@@ -121,12 +135,10 @@ def _solve(problem: Problem, level: str, minimize: bool, limit: float | None) ->
         )
     chosen, optimal, bound = outcome.answers[-1].atoms.get("chosen", ()), False, 0
     if minimize:
-        left = None if limit is None else max(limit - (time.monotonic() - start), 0.01)
         try:
-            outcome, more = _search(problem, facts, level, True, left)
+            outcome = search(True)
         except KeyboardInterrupt:  # keep the first policy
-            outcome, more = Outcome(interrupted=True, by_user=True), {}
-        statistics = {name: statistics.get(name, 0) + more.get(name, 0) for name in statistics | more}
+            outcome = Outcome(interrupted=True, by_user=True)
         if outcome.answers:
             chosen = outcome.answers[-1].atoms.get("chosen", ())
         optimal, bound = not outcome.interrupted, max(outcome.bound, default=0)
@@ -143,19 +155,6 @@ def _solve(problem: Problem, level: str, minimize: bool, limit: float | None) ->
         by_user=outcome.by_user,
         statistics=statistics,
     )
-
-
-def _search(
-    problem: Problem, facts: str, level: str, minimize: bool, limit: float | None
-) -> tuple[Outcome, dict[str, int]]:
-    options = ["-c", f"fairness={level.replace('-', '_')}", "-c", f"minimise={'yes' if minimize else 'no'}"]
-    program = Program(
-        [resource("asp", "synthesis.lp")],
-        facts,
-        options=[*options, "--opt-strategy=usc"],
-        theory=_Termination(problem) if level == "qnp" else None,
-    )
-    return program.solve(limit=limit, on_answer=None if minimize else _first), program.statistics()
 
 
 def _first(answer: Answer) -> bool:
