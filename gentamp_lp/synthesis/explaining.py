@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Container
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from gentamp_lp.synthesis.solving import sieve_policy, synthesize
 
 _SECONDS = 2.0  # for finding the initial state at fault
 _SHOWN = 8
+_ENDLESS = "only non-terminating ones"
 
 
 def explain(problem: Problem, fairness: str) -> str:
@@ -77,12 +79,17 @@ def _trapped(problem: Problem, fairness: str, start: int, hopeful: set[int]) -> 
 
 def _endless(problem: Problem, fairness: str) -> str:
     """Show an endless run of a strong cyclic policy from an initial state that has no better one."""
-    start = problem.initial[0]
-    for state in problem.initial[:_SHOWN] if len(problem.initial) > 1 else ():
-        if synthesize(replace(problem, initial=(state,)), fairness=fairness, time_limit=_SECONDS).solvable is False:
-            start = state
+    subject, head = problem, f"no {fairness} policy for the initial states together: {_ENDLESS}"
+    deadline = time.monotonic() + _SECONDS
+    for state in problem.initial:
+        alone = replace(problem, initial=(state,))
+        left = max(deadline - time.monotonic(), 0.01)
+        if len(problem.initial) == 1 or synthesize(alone, fairness=fairness, time_limit=left).solvable is False:
+            subject, head = alone, _head(problem, fairness, state, _ENDLESS)
             break
-    policy = synthesize(replace(problem, initial=(start,)), fairness="strong-cyclic").policy
+        if time.monotonic() > deadline:
+            break
+    policy = synthesize(subject, fairness="strong-cyclic").policy
     if fairness == "strong":
         edges = [Edge(s, after) for s, choice in policy.items() for after in choice.outcomes if after in policy]
         loop = next((loop for part in components(edges) for loop in short_loops(part)), [])
@@ -91,7 +98,7 @@ def _endless(problem: Problem, fairness: str) -> str:
         loop = min((list(part) for part in stuck), key=len, default=[])
     nodes = list(dict.fromkeys(edge.source for edge in loop))
     lines = [
-        _head(problem, fairness, start, "only non-terminating ones"),
+        head,
         "  strong-cyclic policies exist, but a run may stay for ever in a loop, for instance:",
     ]
     lines += [f"    {problem.states[node]}  do {policy[node].action}" for node in nodes[:_SHOWN]]
