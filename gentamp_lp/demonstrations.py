@@ -195,7 +195,13 @@ def demonstrate(
         instance = task.instance(size, seed * 1000 + index, robot=robot)
         left = deadline - time.monotonic()
         plan = solve_incremental(
-            task.program, instance.base, instance.state, task.goal, quota=task.file.samples, time_limit=left
+            task.program,
+            instance.base,
+            instance.state,
+            task.goal,
+            quota=task.file.samples,
+            time_limit=left,
+            seed=instance.seed,  # which of several like things comes first must not be learned from
         )
         plan = canonical(task.program, instance.base, instance.state, task.goal, plan)
         progress(f"demonstration {task.name}-{size}: {len(plan)} steps")

@@ -328,6 +328,8 @@ def _learn_from(end: DeadEnd, instance: Instance, data: Dataset, deadline: float
     task, state = instance.task, end.state
     base = instance.base.trimmed(task.file.samples, {name for fact in state for name in fact[1:]})
     left = max(1.0, deadline - time.monotonic())
-    plan = solve_incremental(task.program, base, state, task.goal, quota=task.file.samples, time_limit=left)
+    plan = solve_incremental(
+        task.program, base, state, task.goal, quota=task.file.samples, time_limit=left, seed=instance.seed
+    )
     plan = canonical(task.program, base, state, task.goal, plan)
     Recorder(task, data, around=around).record(replace(instance, base=base), plan, state)

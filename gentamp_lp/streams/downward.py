@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import ctypes
 import os
+import random
+import re
 import resource
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
@@ -68,17 +70,22 @@ def search(
     *,
     time_limit: float,
     searches: tuple[str, ...] = SEARCHES,
+    seed: int | None = None,
 ) -> list[Step] | None:
     """Plan over the facts known so far; None when these do not admit a plan.
+
+    Fast Downward breaks ties by name. With a `seed`, entities get other names at random, so that which of several like
+    things comes first says nothing.
 
     Raises LimitReached when every search hit the time or memory limit, SolverError when Fast Downward fails.
     """
     deadline = time.monotonic() + time_limit
     with tempfile.TemporaryDirectory(prefix="gentamp-fd-") as folder:
         here = Path(folder)
+        names = _disguises(base, seed)
         domain_text, problem_text = write_problem(program, base, state, goal)
-        (here / "domain.pddl").write_text(domain_text)
-        (here / "problem.pddl").write_text(problem_text)
+        (here / "domain.pddl").write_text(_rename(domain_text, names))
+        (here / "problem.pddl").write_text(_rename(problem_text, names))
         translate = [
             sys.executable, "-m", "fast_downward.translate", "--invariant-generation-max-candidates", "0",
             "domain.pddl", "problem.pddl",
@@ -96,12 +103,29 @@ def search(
             with (here / "output.sas").open("rb") as task:
                 code, output = _run(command, here, left, task)
             if code in _SOLVED:
-                return _read_plan((here / "sas_plan").read_text(), program)
+                plan = _rename((here / "sas_plan").read_text(), {new: old for old, new in names.items()})
+                return _read_plan(plan, program)
             if code in _UNSOLVABLE:
                 return None
             if code not in _OUT_OF_TIME | _OUT_OF_MEMORY:
                 raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
         raise LimitReached(f"Fast Downward found no plan within {time_limit:.0f} s and 4 GiB")
+
+
+def _disguises(base: FactBase, seed: int | None) -> dict[str, str]:
+    """Other names for all entities, in random order; none without a seed."""
+    if seed is None:
+        return {}
+    names = sorted(base.values)
+    random.Random(seed).shuffle(names)
+    return {name: f"e{number:06}" for number, name in enumerate(names)}
+
+
+def _rename(text: str, names: Mapping[str, str]) -> str:
+    """Replace entities in PDDL text: whatever does not follow a parenthesis, where predicates stand."""
+    if not names:
+        return text
+    return re.sub(r"(?<=\s)[^\s()]+", lambda found: names.get(found[0], found[0]), text)
 
 
 def _read_plan(text: str, program: Program) -> list[Step]:

@@ -84,9 +84,10 @@ def solve_incremental(
     quota: Mapping[str, int],
     time_limit: float,
     max_levels: int = 10,
+    seed: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Step]:
-    """Find a plan, sampling more at every level.
+    """Find a plan, sampling more at every level; see `search` for the `seed`.
 
     Raises NoAnswer when the streams are exhausted or `max_levels` is passed without a plan, LimitReached at the
     time limit, SolverError when Fast Downward fails. The plan is simulated before it is returned.
@@ -98,7 +99,7 @@ def solve_incremental(
             raise NoAnswer(f"no plan: all streams are exhausted after {level - 1} level(s)")
         run_tests(base, deadline)
         progress(f"level {level}: {len(base.values)} entities")
-        plan = search(program, base, state, goal, time_limit=deadline - time.monotonic())
+        plan = search(program, base, state, goal, time_limit=deadline - time.monotonic(), seed=seed)
         if plan is None:
             continue
         states = simulate(program, base, state, plan)
