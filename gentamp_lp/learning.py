@@ -30,6 +30,7 @@ FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while
 ROLLOUT_ROUNDS = 5
 VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
 _EXPLAINED = 6  # states shown when there is no policy
+_ROLLOUT_SECONDS = 60.0  # for one problem
 _ROLLOUT_TRIES = 2  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
 
@@ -174,9 +175,11 @@ def learn(
                 notes.append("interrupted: the policy is the best found so far and was not rolled out")
                 break
             with clock.stage("rollouts"):
-                failures = _roll_out(task, learned.policy, training, robot, data, deadline, around, progress)
+                failures = _roll_out(task, learned.policy, training, robot, data, deadline, around, progress, notes)
                 if not failures:
-                    failures = _roll_out(task, learned.policy, validation, robot, data, deadline, around, progress)
+                    failures = _roll_out(
+                        task, learned.policy, validation, robot, data, deadline, around, progress, notes
+                    )
             if failures:
                 break
         notes += failures
@@ -305,14 +308,21 @@ def _roll_out(
     deadline: float,
     around: bool,
     progress: Progress,
+    notes: list[str],
 ) -> list[str]:
-    """Follow the policy on problems (size, seed); where it fails, add a demonstration from the failing state."""
+    """Follow the policy on problems (size, seed); where it fails, add a demonstration from the failing state.
+
+    Returns the failures. A roll-out that takes too long shows nothing; it is only noted.
+    """
     failures = []
     for size, seed in problems:
         instance = task.instance(size, seed, robot=robot)
         try:
-            left = max(1.0, deadline - time.monotonic())
+            left = max(1.0, min(_ROLLOUT_SECONDS, deadline - time.monotonic()))
             GuidedPlanner(policy, instance).solve(time_limit=left, max_rounds=_ROLLOUT_TRIES)
+        except LimitReached:
+            notes.append(f"{task.name}-{size}: the roll-out was not finished within {left:.0f} s")
+            progress(notes[-1])
         except DeadEnd as end:
             failures.append(f"{task.name}-{size}: {end}")
             progress(f"roll-out failed on {failures[-1]}")

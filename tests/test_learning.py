@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gentamp_lp import solve
+from gentamp_lp import learning, solve
+from gentamp_lp.errors import LimitReached
 from gentamp_lp.learning import Learned, learn
 from gentamp_lp.resources import resource
 from gentamp_lp.task import Task
@@ -43,6 +44,18 @@ def test_its_refinement_sees_no_more_samples_than_its_demonstrations(refined: Le
 def test_the_new_policy_solves_other_sizes(refined: Learned, size: str, seed: int) -> None:
     result = solve(refined.task, size, seed, policy=refined.policy)
     assert result.valid and result.report()["planner"] == "guided"
+
+
+def test_a_roll_out_that_takes_too_long_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learning, "_ROLLOUT_SECONDS", 0.0)
+    monkeypatch.setattr("gentamp_lp.guided.GuidedPlanner._check_time", out_of_time)
+    learned = learn(Task.load("unstack"), max_complexity=3)
+    assert learned.rounds == 0
+    assert learned.notes == [f"unstack-{size}: the roll-out was not finished within 1 s" for size in (8, 9)]
+
+
+def out_of_time(_: object) -> None:
+    raise LimitReached("the time limit ended guided planning")
 
 
 # ---- A distractor: half of the things are blue, which has nothing to do with the task
