@@ -55,6 +55,8 @@ JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document t
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
 SeedOpt = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same result.")]
 RobotOpt = Annotated[str | None, typer.Option("--robot", help="Robot instead of the task's: gripper or panda.")]
+TransitionsOpt = Annotated[Transitions, typer.Option(help="Plans only, or plans and what is around them.")]
+CacheOpt = Annotated[bool, typer.Option(help="Use demonstrations planned before.")]
 GrammarOpt = Annotated[
     list[Path] | None,
     typer.Option("--grammar", help="Grammar file to add, or the name of a shipped one: paper (repeatable)."),
@@ -89,12 +91,10 @@ def learn(
     max_complexity: Annotated[
         int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
     ] = None,
-    transitions: Annotated[
-        Transitions, typer.Option(help="Plans only, or plans and what is around them.")
-    ] = Transitions.around,
+    transitions: TransitionsOpt = Transitions.around,
     fairness: Annotated[Fairness, typer.Option(help="Weakest guarantee to accept.")] = Fairness.qnp,
     time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for everything.")] = 600.0,
-    cache: Annotated[bool, typer.Option(help="Use demonstrations planned before.")] = True,
+    cache: CacheOpt = True,
     robot: RobotOpt = None,
     seed: SeedOpt = 0,
     json_: JsonOpt = False,
@@ -309,11 +309,9 @@ def features(
         list[str] | None, typer.Option("--size", help="Problems to see, instead of the training sizes (repeatable).")
     ] = None,
     grammar: GrammarOpt = None,
-    transitions: Annotated[
-        Transitions, typer.Option(help="Plans only, or plans and what is around them.")
-    ] = Transitions.around,
+    transitions: TransitionsOpt = Transitions.around,
     time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for each stage.")] = 600.0,
-    cache: Annotated[bool, typer.Option(help="Use demonstrations planned before.")] = True,
+    cache: CacheOpt = True,
     robot: RobotOpt = None,
     seed: SeedOpt = 0,
     json_: JsonOpt = False,

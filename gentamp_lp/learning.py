@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,7 @@ class Learned:
         names = [feature.name for feature in policy.features]
         sorts = {name: tuple(row) for name, row in self.dataset.predicates.items()}
         openness = Openness(self.task.folder.domain, self.task.folder.streams, sorts)
-        why = self.reasons()
+        why = self.reasons
         return {
             "task": self.task.name,
             "version": gentamp_lp.__version__,
@@ -108,6 +109,7 @@ class Learned:
             },
         }
 
+    @cached_property
     def reasons(self) -> dict[str, str]:
         """Why each feature was selected: what goes wrong without it."""
         fluents = self.task.folder.domain.fluents

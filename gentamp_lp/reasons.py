@@ -24,25 +24,19 @@ def reasons(solution: Solution, evidence: Evidence, fairness: str, describe: Cal
     `describe` says what is true in a state, given its number.
     """
     theory = compress(evidence, fairness)
-    bit = {feature: 1 << i for i, feature in enumerate(f.id for f in evidence.features)}
-    everything = reduce(or_, (bit[f] for f in solution.features), 0)
+    bit = {feature: 1 << evidence.bit(feature) for feature in solution.features}
+    everything = reduce(or_, bit.values(), 0)
     choice = _choice(theory, solution)
-    return {
-        feature: _reason(theory, everything & ~bit[feature], bit[feature], choice, describe)
-        for feature in solution.features
-    }
+    return {feature: _reason(theory, everything & ~own, own, choice, describe) for feature, own in bit.items()}
 
 
 def _choice(theory: Theory, solution: Solution) -> dict[int, int]:
     """The chosen move of each class of expanded states."""
-    chosen = {theory.evidence.transitions[t].source: theory.evidence.transitions[t] for t in solution.chosen}
-    choice = {}
-    for state in theory.expanded:
-        for source, step in chosen.items():
-            if theory.home[source] == state.id:
-                change = step.inc & theory.features, step.dec & theory.features
-                choice[state.id] = next(move.id for move in state.moves if (move.inc, move.dec) == change)
-                break
+    moves = {state.id: state.moves for state in theory.expanded}
+    choice: dict[int, int] = {}
+    for step in (theory.evidence.transitions[t] for t in solution.chosen):
+        state, change = theory.home[step.source], (step.inc & theory.features, step.dec & theory.features)
+        choice.setdefault(state, next(move.id for move in moves[state] if (move.inc, move.dec) == change))
     return choice
 
 

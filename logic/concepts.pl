@@ -10,6 +10,7 @@
 :- use_module(facts).
 :- use_module(engine).
 :- use_module(rules).
+:- use_module(views, [class/2]).
 :- use_module(notation).
 :- use_module(evaluate).
 
@@ -89,10 +90,6 @@ concept_view(concept(Name, Positions), Class, Cost, Bits) :-
     ->  denotation(Formula, Free, Class, Bits)
     ;   Bits = none
     ).
-
-class([], prop).
-class([X], con(X)).
-class([Y,X], role(Y,X)).
 
 %!  read_formula(+Text, -Variable, -Sort, -Formula) is det.
 %

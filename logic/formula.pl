@@ -8,7 +8,7 @@
 :- use_module(rules).
 :- use_module(generate, [meta/6, item/6, bucket/5]).
 :- use_module(concepts, [concept/4]).
-:- use_module(notation, [rename/5]).
+:- use_module(notation, [bind_some/3, connective/2, fresh/3, rename/5]).
 
 /** <module> The first-order formula of an item
 
@@ -44,12 +44,8 @@ formula(Rule, Operands, Formula) :-
 
 variables([], [], N, N).
 variables([_|Sorts], [V|Vs], N0, N) :-
-    variable(N0, N1, V),
+    fresh(N0, V, N1),
     variables(Sorts, Vs, N1, N).
-
-variable(N0, N, V) :-
-    atom_concat(v, N0, V),
-    N is N0 + 1.
 
 result_class(view(Name, Positions), _, Class) :-
     !,
@@ -76,7 +72,7 @@ read_rule(view(Name, Positions), _, Variables, Formula, N0, N) :-
     predicate(Name, Sorts),
     arguments(Sorts, 1, Positions, Variables, Arguments, Bound, N0, N),
     Atom =.. [Name|Arguments],
-    bind_all(Bound, Atom, Formula).
+    bind_some(Bound, Atom, Formula).
 read_rule(concept(Name, Positions), _, Variables, Formula, N0, N) :-
     !,
     concept(Name, Arguments, _, Formula0),
@@ -88,10 +84,6 @@ read_rule(Rule, Operands, Variables, Formula, N0, N) :-
     !,
     expand(Template, Formula, N0, N).
 
-bind_all([], F, F).
-bind_all([V-T|Bound], F0, F) :-
-    bind_all(Bound, some(V, T, F0), F).
-
 % The last quantifier introduced is the innermost.
 arguments([], _, _, _, [], [], N, N).
 arguments([T|Ts], I, Positions, Variables, [V|Vs], Bound, N0, N) :-
@@ -99,9 +91,9 @@ arguments([T|Ts], I, Positions, Variables, [V|Vs], Bound, N0, N) :-
     (   nth1(J, Positions, I)
     ->  nth1(J, Variables, V),
         arguments(Ts, I1, Positions, Variables, Vs, Bound, N0, N)
-    ;   variable(N0, N1, V),
-        arguments(Ts, I1, Positions, Variables, Vs, Bound0, N1, N),
-        append(Bound0, [V-T], Bound)
+    ;   fresh(N0, V, N1),
+        Bound = [V-T|Bound1],
+        arguments(Ts, I1, Positions, Variables, Vs, Bound1, N1, N)
     ).
 
 expand(Id@Variables, Formula, N0, N) :-
@@ -110,16 +102,16 @@ expand(Id@Variables, Formula, N0, N) :-
     read_rule(Rule, Operands, Variables, Formula, N0, N).
 expand(some(V, T, A), some(V, T, F), N0, N) :-
     !,
-    variable(N0, N1, V),
+    fresh(N0, V, N1),
     expand(A, F, N1, N).
 expand(every(V, T, A), every(V, T, F), N0, N) :-
     !,
-    variable(N0, N1, V),
+    fresh(N0, V, N1),
     expand(A, F, N1, N).
 expand(closure(U, W, T, A, Y, X), closure(U, W, T, F, Y, X), N0, N) :-
     !,
-    variable(N0, N1, U),
-    variable(N1, N2, W),
+    fresh(N0, U, N1),
+    fresh(N1, W, N2),
     expand(A, F, N2, N).
 expand(neg(A), neg(F), N0, N) :-
     expand(A, F, N0, N).
@@ -143,10 +135,7 @@ formula_size(Formula, Size) :-
     length(Parts, Size).
 
 part(_).
-part(neg(F)) :- part(F).
-part(conj(F, G)) :- part(F) ; part(G).
-part(disj(F, G)) :- part(F) ; part(G).
-part(implies(F, G)) :- part(F) ; part(G).
-part(some(_, _, F)) :- part(F).
-part(every(_, _, F)) :- part(F).
-part(closure(_, _, _, F, _, _)) :- part(F).
+part(F) :-
+    connective(F, Parts),
+    member(Part, Parts),
+    part(Part).

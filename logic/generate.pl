@@ -291,12 +291,9 @@ keep(Bucket, Id, New, Bits) :-
     size_and_rank(Rule, Operands, Index, Size, Rank),
     bound_of(Rule, Operands, Bound),
     ( Last0 == (-) -> Last = Id ; Last = Last0 ),
-    rule_name(Rule, Name),
+    functor(Rule, Name, _),
     assertz(meta(Id, Size, Rank, Bound, Rule, Operands)),
     assertz(item(Bucket, Id, Last, Implications, Name, Bits)).
-
-rule_name(Rule, Name) :-
-    functor(Rule, Name, _).
 
 % Size counts rules, arguments that views hide behind a quantifier, and the symbols of concepts.
 

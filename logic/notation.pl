@@ -2,6 +2,9 @@
           [ parse_formula/3,        % +Text, -Free, -Parsed
             parse_concept/4,        % +HeadText-Text, -Name, -Variables, -Parsed
             resolve/5,              % +Parsed, +Names, +Lookup, -Sorts, -Formula
+            connective/2,           % +Formula, -Parts
+            fresh/3,                % +N0, -Variable, -N
+            bind_some/3,            % +Variables, +Formula, -Bound
             rename/5,               % +Formula, +Substitution, -Renamed, +N0, -N
             formula_cost/3          % +Formula, +Hidden, -Cost
           ]).
@@ -263,6 +266,10 @@ known_sort(Name, Sort) :-
     ;   true
     ).
 
+%!  fresh(+N0, -Variable, -N) is det.
+%
+%   Variable is the pool's variable number N0.
+
 fresh(N0, V, N) :-
     atom_concat(v, N0, V),
     N is N0 + 1.
@@ -289,6 +296,19 @@ free_name(Pair, Bound, Name) :-
     (   free_name(F, Bound, Name)
     ;   free_name(G, Bound, Name)
     ).
+
+%!  connective(+Formula, -Parts:list) is semidet.
+%
+%   Formula is a connective or quantifier over Parts, and no atom.
+
+connective(true, []).
+connective(neg(F), [F]).
+connective(conj(F, G), [F,G]).
+connective(disj(F, G), [F,G]).
+connective(implies(F, G), [F,G]).
+connective(some(_, _, F), [F]).
+connective(every(_, _, F), [F]).
+connective(closure(_, _, _, F, _, _), [F]).
 
 two(conj(F, G), F, G).
 two(disj(F, G), F, G).
@@ -328,11 +348,15 @@ read_formula(atom(Text, Arguments, Column), E, Lookup, F, N0, N) :-
     signature(Found, Sorts),
     argument_terms(Arguments, Sorts, E, Text, Column, Vs, Wild, N0, N1),
     applied(Found, Vs, Atom, N1, N),
-    wrap(Wild, Atom, F).
+    bind_some(Wild, Atom, F).
 
-wrap([], F, F).
-wrap([V-Sort|Wild], Atom, some(V, Sort, F)) :-
-    wrap(Wild, Atom, F).
+%!  bind_some(+Variables:list, +Formula, -Bound) is det.
+%
+%   Bound says that Formula holds for some Variables (pairs Variable-Sort), the first one outermost.
+
+bind_some([], F, F).
+bind_some([V-Sort|Variables], F0, some(V, Sort, F)) :-
+    bind_some(Variables, F0, F).
 
 bind(Name, A, E, Lookup, V, Sort, F, N0, N) :-
     fresh(N0, V, N1),

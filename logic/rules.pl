@@ -16,7 +16,7 @@
 :- use_module(engine).
 :- use_module(library(apply), [exclude/3, maplist/3]).
 :- use_module(bridge, [message_string/2]).
-:- use_module(notation, [parse_concept/4]).
+:- use_module(notation, [connective/2, parse_concept/4]).
 
 /** <module> Reading grammar files safely
 
@@ -287,14 +287,6 @@ says_problem(Term, Problem) :-
     ),
     !.
 
-connective(true, []).
-connective(neg(F), [F]).
-connective(conj(F, G), [F,G]).
-connective(disj(F, G), [F,G]).
-connective(implies(F, G), [F,G]).
-connective(some(_, _, F), [F]).
-connective(every(_, _, F), [F]).
-connective(closure(_, _, _, F, _, _), [F]).
 
 rule_problem(Name, _, _, _, "the name of a rule must be an atom") :-
     \+ atom(Name),

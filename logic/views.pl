@@ -1,5 +1,6 @@
 :- module(views,
-          [ view/6                  % -Kind, -Class, -Predicate, -Positions, -Bound, -Bits
+          [ view/6,                 % -Kind, -Class, -Predicate, -Positions, -Bound, -Bits
+            class/2                 % ?Sorts, ?Class
           ]).
 :- use_module(library(apply), [maplist/3]).
 :- use_module(library(lists), [nth1/3, subtract/3, permutation/2]).
@@ -68,6 +69,10 @@ kind(key, Name, role(Y,X), _, test) :-
     !.
 kind(key, _, _, _, pred).
 kind(link, _, _, _, link).
+
+%!  class(?Sorts:list, ?Class) is semidet.
+%
+%   A formula whose free variables have these Sorts, the outermost first, is of Class.
 
 class([], prop).
 class([X], con(X)).

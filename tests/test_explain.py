@@ -37,7 +37,7 @@ def test_the_reasons_are_true(learned: Learned) -> None:
     """The two states named look alike to the other features, and must not."""
     evidence = parse_evidence(learned.facts)
     for feature, number in zip(learned.policy.features, learned.solution.features, strict=True):
-        why = learned.reasons()[feature.name]
+        why = learned.reasons[feature.name]
         first, second = (int(n) for n in re.findall(r"\bstate (\d+) \(size", why)[:2])
         difference = evidence.states[first] ^ evidence.states[second]
         others = [evidence.bit(f) for f in learned.solution.features if f != number]

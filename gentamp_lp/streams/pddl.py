@@ -25,7 +25,7 @@ from gentamp_lp.streams.formula import (
     conjuncts,
     imply,
 )
-from gentamp_lp.streams.sexpr import Group, Symbol, read_groups
+from gentamp_lp.streams.sexpr import Group, Reader, Symbol, read_groups
 
 
 @dataclass(frozen=True)
@@ -115,23 +115,9 @@ class Stream:
 
 
 @dataclass
-class _Reader:
-    path: Path | str | None
+class _Reader(Reader):
     predicates: dict[str, Predicate] = field(default_factory=dict)
     constants: frozenset[str] = frozenset()
-
-    def error(self, message: str, line: int | None, hint: str | None = None) -> InputError:
-        return InputError(Diagnostic(message, self.path, line, hint=hint))
-
-    def group(self, item: Symbol | Group, what: str) -> Group:
-        if not isinstance(item, Group):
-            raise self.error(f"expected {what}, found `{item.spelling}`", item.line)
-        return item
-
-    def symbol(self, item: Symbol | Group, what: str) -> Symbol:
-        if not isinstance(item, Symbol):
-            raise self.error(f"expected {what}, found a list", item.line)
-        return item
 
     def variables(self, group: Group) -> tuple[str, ...]:
         names = []

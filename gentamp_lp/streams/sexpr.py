@@ -34,6 +34,29 @@ class Group:
         return first.name if isinstance(first, Symbol) else ""
 
 
+@dataclass
+class Reader:
+    """Takes the items of one file apart; every error names the file and the line."""
+
+    path: Path | str | None
+
+    def error(self, message: str, line: int | None, hint: str | None = None) -> InputError:
+        """An error in this file, to be raised."""
+        return InputError(Diagnostic(message, self.path, line, hint=hint))
+
+    def group(self, item: Symbol | Group, what: str) -> Group:
+        """The item, which must be a list; `what` is what it should be. Raises InputError."""
+        if not isinstance(item, Group):
+            raise self.error(f"expected {what}, found `{item.spelling}`", item.line)
+        return item
+
+    def symbol(self, item: Symbol | Group, what: str) -> Symbol:
+        """The item, which must be a word; `what` is what it should be. Raises InputError."""
+        if not isinstance(item, Symbol):
+            raise self.error(f"expected {what}, found a list", item.line)
+        return item
+
+
 def read_groups(text: str, path: Path | str | None = None) -> list[Group]:
     """Parse `text` into its top-level lists.
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached
-from gentamp_lp.streams.sexpr import Group, Symbol, read_groups
+from gentamp_lp.streams.sexpr import Group, Reader, Symbol, read_groups
 from gentamp_lp.synthesis.problem import Choice, Problem
 
 _REQUIREMENTS = {
@@ -104,22 +104,10 @@ def parse_fond(sources: Sequence[tuple[str, str]]) -> Problem:
     return _explore(task)
 
 
-class _Reader:
+class _Reader(Reader):
     def __init__(self, task: _Task, path: str) -> None:
-        self.task, self.path = task, path
-
-    def error(self, message: str, line: int, hint: str | None = None) -> InputError:
-        return InputError(Diagnostic(message, self.path, line, hint=hint))
-
-    def group(self, item: Symbol | Group, what: str) -> Group:
-        if not isinstance(item, Group):
-            raise self.error(f"expected {what}, found `{item.spelling}`", item.line)
-        return item
-
-    def symbol(self, item: Symbol | Group, what: str) -> Symbol:
-        if not isinstance(item, Symbol):
-            raise self.error(f"expected {what}, found a list", item.line)
-        return item
+        super().__init__(path)
+        self.task = task
 
     def domain(self, group: Group) -> None:
         sections = [self.group(item, "a section") for item in group.items[2:]]
