@@ -75,7 +75,7 @@ def synthesize_policy(
     watch = _Watch(say)
     program = Program(
         [resource("asp", "abstraction.lp")],
-        theory_facts(theory) + improvement_facts(improve),
+        theory_facts(theory) + improvement_facts(theory, improve),
         options=[
             "--opt-strategy=usc,stratify",
             "--opt-mode=optN",

@@ -85,8 +85,15 @@ def _say(text: str) -> None:
 
 @app.command()
 def learn(
-    task: TaskArg,
+    context: typer.Context,
+    task: Annotated[
+        str | None, typer.Argument(metavar="TASK", help="Task file, or the name of a shipped one.", show_default=False)
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the policy bundle [runs/TASK].")] = None,
+    refine: Annotated[
+        Path | None,
+        typer.Option("--refine", help="Bundle to learn again, also from the problems on which `solve` failed with it."),
+    ] = None,
     grammar: GrammarOpt = None,
     max_complexity: Annotated[
         int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
@@ -97,6 +104,9 @@ def learn(
     cache: CacheOpt = True,
     robot: RobotOpt = None,
     seed: SeedOpt = 0,
+    solver_seed: Annotated[
+        int | None, typer.Option("--solver-seed", min=0, help="Seed of clingo's search alone [--seed].")
+    ] = None,
     json_: JsonOpt = False,
     quiet: QuietOpt = False,
     trust: TrustOpt = False,
@@ -105,34 +115,59 @@ def learn(
 
     Example: `gentamp-lp learn tasks/unstack.yaml` writes runs/unstack with the policy as ASP facts (policy.lp), its
     features (features.pl), the constrained PDDL domain, a picture (policy.svg) and a report.
+
+    Where `solve` cannot follow a policy it keeps the problem in the bundle; `gentamp-lp learn --refine runs/unstack`
+    learns again as before, from these problems too. Options that you repeat replace those of the bundle.
     """
     from gentamp_lp.learning import learn as run
     from gentamp_lp.task import Task
 
+    options: dict[str, Any] = {
+        "seed": seed,
+        "solver_seed": solver_seed,
+        "robot": robot,
+        "grammars": [str(path) for path in grammar or ()],
+        "max_complexity": max_complexity,
+        "around": transitions is Transitions.around,
+        "fairness": fairness.value,
+    }
+    if refine is not None:
+        options = _again(context, refine, options)
+        recorded = options.pop("task")
+        task = task or recorded
+    elif task is None:
+        raise InputError(Diagnostic("no task given", hint="gentamp-lp learn TASK, or gentamp-lp learn --refine BUNDLE"))
     loaded = Task.load(task, trust=trust)
-    learned = run(
-        loaded,
-        seed=seed,
-        robot=robot,
-        grammars=tuple(grammar or ()),
-        max_complexity=max_complexity,
-        around=transitions is Transitions.around,
-        fairness=fairness.value,
-        time_limit=time_limit,
-        cache=cache,
-        progress=_Progress(quiet),
-    )
-    folder = out or Path("runs", loaded.name)
+    options["grammars"] = [Path(name) for name in options["grammars"]]
+    learned = run(loaded, **options, time_limit=time_limit, cache=cache, progress=_Progress(quiet))
+    folder = out or refine or Path("runs", loaded.name)
     learned.save(folder)
     if json_:
         _print_json(learned.report())
     else:
         _say(learned.policy.text())
         _timing(learned.report())
+    for note in learned.notes:
+        messages.print(f"note: {note}", markup=False, soft_wrap=True)
     messages.print(f"policy written to {folder}", soft_wrap=True)
     if learned.interrupted:
         messages.print("interrupted: this is the best policy found so far")
         raise typer.Exit(130)
+
+
+def _again(context: typer.Context, folder: Path, options: dict[str, Any]) -> dict[str, Any]:
+    """What a bundle was learned with, except for options on the command line, and what it failed on."""
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.refinement import recorded, settings
+
+    start, failures = Policy.load(folder), recorded(folder)
+    if not failures:
+        hint = "`gentamp-lp solve` records the problems on which it cannot follow the policy"
+        raise InputError(Diagnostic("nothing to refine: the policy failed nowhere yet", folder, hint=hint))
+    spelled = {"grammars": "grammar", "around": "transitions"}
+    sources = {name: context.get_parameter_source(spelled.get(name, name)) for name in options}
+    given = {name: options[name] for name, source in sources.items() if source and source.name != "DEFAULT"}
+    return {**settings(folder), **given, "start": start, "failures": failures}
 
 
 def _timing(report: dict[str, Any]) -> None:
@@ -173,14 +208,14 @@ def solve(
     """
     from gentamp_lp.planning import solve as run
     from gentamp_lp.policy import Policy
+    from gentamp_lp.refinement import Failure, record
     from gentamp_lp.task import Task
 
     loaded = Task.load(task, trust=trust)
     if render is not None and render.suffix not in (".gif", ".png"):
         raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
-    guide = None
+    guide, folder = None, policy or Path("runs", loaded.name)
     if mode is Mode.guided:
-        folder = policy or Path("runs", loaded.name)
         if not folder.is_dir():
             raise InputError(
                 Diagnostic(
@@ -199,6 +234,9 @@ def solve(
         code, base = loaded.folder.code, result.instance.base
         code.render_plan(result.instance.world, [(s.schema, s.args) for s in result.plan.steps], base.values, render)
         messages.print(f"picture written to {render}")
+    if result.stuck is not None:
+        record(folder, Failure(result.instance.size, seed, result.instance.robot, result.stuck))
+        messages.print(f"the policy could not be followed; learn from it: gentamp-lp learn --refine {folder}")
     report = result.report()
     if json_:
         _print_json(report)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gentamp_lp.asp import Atom, Clause, Program
+from gentamp_lp.kernels import covers, kernels
 from gentamp_lp.lemmas import Theory
 from gentamp_lp.masks import bits, minimal
 from gentamp_lp.resources import resource
 
 _GOAL_PAIRS = 300  # pairs of goal and other states given from the start
+_KERNELS = 20_000  # kernels listed at most
 _COVERS = 400  # covers given from the start: the shortest, more do not help the bound
 
 
@@ -53,16 +55,24 @@ def theory_facts(theory: Theory) -> str:
             lines.extend(f"changes({move.id},{name[i]})." for i in bits((move.inc | move.dec) & theory.features))
     for predicate, number, pairs in (
         ("differ", _GOAL_PAIRS, _goal_pairs(theory)),
-        ("tells", _COVERS, _cover_pairs(theory)),
+        ("tells", _COVERS, covers(theory)),
     ):
         for mask in minimal(pairs, number):
             lines.extend(f"{predicate}({pairs[mask][0]},{pairs[mask][1]},{name[i]})." for i in bits(mask))
     return "\n".join(lines)
 
 
-def improvement_facts(improve: tuple[int, int] | None) -> str:
-    """Return the input facts of `asp/abstraction/improve.lp`."""
-    return "" if improve is None else f"\ncheaper_than({improve[0]}). deeper_than({improve[1]})."
+def improvement_facts(theory: Theory, improve: tuple[int, int] | None) -> str:
+    """Return the input facts of `asp/abstraction/improve.lp` and `kernels.lp`."""
+    if improve is None:
+        return ""
+    lines = [f"\ncheaper_than({improve[0]}). deeper_than({improve[1]})."]
+    listed = kernels(theory, *improve, _KERNELS)
+    if listed is not None:
+        lines.append("kernels_listed.")
+        name = [feature.id for feature in theory.evidence.features]
+        lines += [f"kernel({k},{name[i]})." for k, mask in enumerate(listed) for i in bits(mask)]
+    return "\n".join(lines)
 
 
 def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
@@ -74,16 +84,6 @@ def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
         goal ^ other & theory.features: (goals[goal], states[other & theory.features])
         for goal in goals
         for other in (*(state.values for state in theory.expanded), *theory.frontier)
-    }
-
-
-def _cover_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
-    """Map each cover (see `asp/abstraction/covers.lp`) to a pair of states, for states with one candidate."""
-    single = [(state, state.moves[0]) for state in theory.expanded if len(state.moves) == 1]
-    return {
-        ((s.values ^ t.values) | (a.inc & b.inc) | (a.dec & b.dec)) & theory.features: (s.id, t.id)
-        for i, (s, a) in enumerate(single)
-        for t, b in single[:i]
     }
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features, valuation
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Feature, Policy
+from gentamp_lp.refinement import read_report
 from gentamp_lp.streams.incremental import quota_for, sample, simulate
 from gentamp_lp.streams.semantics import Program, View, reads
 from gentamp_lp.task import Task
@@ -56,7 +55,7 @@ def explain(policy: Policy, folder: Path, name: str | None = None) -> list[Expla
     if not chosen:
         names = ", ".join(f.name for f in policy.features)
         raise InputError(Diagnostic(f"the policy has no feature `{name}`", folder, hint=f"it has {names}"))
-    told = {row["name"]: row for row in _report(folder).get("features", ())}
+    told = {row["name"]: row for row in read_report(folder).get("features", ())}
     return [
         ExplainedFeature(
             name=f.name,
@@ -69,15 +68,6 @@ def explain(policy: Policy, folder: Path, name: str | None = None) -> list[Expla
         )
         for f in chosen
     ]
-
-
-def _report(folder: Path) -> dict[str, Any]:
-    path = folder / "report.json"
-    try:
-        report = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(Diagnostic(f"cannot read the report: {error}", path)) from None
-    return report if isinstance(report, dict) else {}
 
 
 def _uses(policy: Policy, feature: Feature) -> list[str]:

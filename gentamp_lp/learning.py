@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import count
 from pathlib import Path
@@ -23,10 +23,12 @@ from gentamp_lp.openness import Openness
 from gentamp_lp.policy import Policy
 from gentamp_lp.pool import Pool, check_grammars, deepen, describe, split_formula
 from gentamp_lp.reasons import reasons
+from gentamp_lp.refinement import Failure
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
+Rollout = tuple[int | str, int, str | None]  # size, seed, robot
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
 VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
@@ -51,6 +53,8 @@ class Learned:
     rounds: int
     seconds: dict[str, float]
     interrupted: bool = False
+    settings: dict[str, Any] = field(default_factory=dict)  # arguments of `learn` that the result depends on
+    refined_on: Sequence[Failure] = ()
     domain_pddl: str = ""
     stream_pddl: str = ""
     notes: list[str] = field(default_factory=list)
@@ -101,8 +105,10 @@ class Learned:
             "pool_size": self.pool.size,
             "pool_statistics": dict(self.pool.statistics),
             "refinement_rounds": self.rounds,
+            "refined_on": [asdict(failure) for failure in self.refined_on],
             "validation": self.task.validation_sizes,
             "notes": self.notes,
+            "settings": self.settings,
             "seconds": {
                 **{k: round(v, 3) for k, v in self.seconds.items()},
                 "total": round(sum(self.seconds.values()), 3),
@@ -143,20 +149,36 @@ def learn(
     task: Task,
     *,
     seed: int = 0,
+    solver_seed: int | None = None,
     robot: str | None = None,
     grammars: Sequence[Path] = (),
     max_complexity: int | None = None,
     around: bool = True,
     fairness: str = "qnp",
+    failures: Sequence[Failure] = (),
+    start: Policy | None = None,
     time_limit: float = 600.0,
     cache: bool = True,
     progress: Progress = lambda _: None,
 ) -> Learned:
     """Learn a policy for a task (paper, Algorithm 1, with the changes of docs/method.md).
 
+    `seed` determines the training problems, and the clingo's search unless there is a `solver_seed`. A policy must also
+    solve the problems of `failures`; where `start` fails on them, its failing states are learned from at once.
     `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an explanation
     when no policy exists over the pool, LimitReached when the limit ends without one.
     """
+    settings = {
+        "task": task.reference,
+        "seed": seed,
+        "solver_seed": solver_seed,
+        "robot": robot,
+        "grammars": [str(path) for path in grammars],
+        "max_complexity": max_complexity,
+        "around": around,
+        "fairness": fairness,
+    }
+    solver_seed = seed if solver_seed is None else solver_seed
     grammars = task.grammars(grammars)
     check_grammars(grammars)  # before minutes of planning, not after
     clock = _Clock()
@@ -167,25 +189,30 @@ def learn(
         )
     progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
     highest = max_complexity or task.file.max_complexity
-    training = [(size, seed * 1000 + index) for index, size in enumerate(task.file.train)]
-    validation = [(size, seed * 1000 + VALIDATION_SEEDS + i) for i, size in enumerate(task.validation_sizes)]
+    training = [(size, seed * 1000 + index, robot) for index, size in enumerate(task.file.train)]
+    beyond = [(size, seed * 1000 + VALIDATION_SEEDS + i, robot) for i, size in enumerate(task.validation_sizes)]
+    beyond += [(failure.size, failure.seed, failure.robot) for failure in failures]
     notes: list[str] = []
+
+    def fails(policy: Policy, *stages: Sequence[Rollout]) -> list[str]:
+        """Where the policy fails in the first of the stages that it does not pass."""
+        with clock.stage("rollouts"):
+            every = (_roll_out(task, policy, problems, data, deadline, around, progress, notes) for problems in stages)
+            return next(filter(None, every), [])
+
+    if start is not None:
+        notes += fails(start, beyond[-len(failures) :])
     for rounds in count():
-        failures: list[str] = []
-        for learned in _policies(task, data, grammars, highest, fairness, seed, deadline, clock, progress):
+        found: list[str] = []
+        for learned in _policies(task, data, grammars, highest, fairness, solver_seed, deadline, clock, progress):
             if learned.interrupted:
                 notes.append("interrupted: the policy is the best found so far and was not rolled out")
                 break
-            with clock.stage("rollouts"):
-                failures = _roll_out(task, learned.policy, training, robot, data, deadline, around, progress, notes)
-                if not failures:
-                    failures = _roll_out(
-                        task, learned.policy, validation, robot, data, deadline, around, progress, notes
-                    )
-            if failures:
+            found = fails(learned.policy, training, beyond)
+            if found:
                 break
-        notes += failures
-        if not failures:
+        notes += found
+        if not found:
             break
         if rounds == ROLLOUT_ROUNDS:
             notes.append("the policy still fails on training or validation problems after all refinement rounds")
@@ -195,7 +222,7 @@ def learn(
         domain = constrained_domain(learned.policy, task.folder, sorts)
         learned.domain_pddl = to_text(domain, learned.policy)
         learned.stream_pddl = (task.folder.path / "stream.pddl").read_text(encoding="utf-8")
-    learned.rounds, learned.notes = rounds, notes
+    learned.rounds, learned.notes, learned.settings, learned.refined_on = rounds, notes, settings, failures
     return learned
 
 
@@ -304,20 +331,19 @@ def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception
 def _roll_out(
     task: Task,
     policy: Policy,
-    problems: Iterable[tuple[int | str, int]],
-    robot: str | None,
+    problems: Iterable[Rollout],
     data: Dataset,
     deadline: float,
     around: bool,
     progress: Progress,
     notes: list[str],
 ) -> list[str]:
-    """Follow the policy on problems (size, seed); where it fails, add a demonstration from the failing state.
+    """Follow the policy on problems; where it fails, add a demonstration from the failing state.
 
     Returns the failures. A roll-out that takes too long shows nothing; it is only noted.
     """
     failures = []
-    for size, seed in problems:
+    for size, seed, robot in problems:
         instance = task.instance(size, seed, robot=robot)
         try:
             left = max(1.0, min(_ROLLOUT_SECONDS, deadline - time.monotonic()))

@@ -21,7 +21,10 @@ from gentamp_lp.validate import validate
 
 @dataclass
 class Solved:
-    """The outcome of one run; `plan` is None when nothing was found, `problems` what the validator objects to."""
+    """The outcome of one run; `plan` is None when nothing was found, `problems` what the validator objects to.
+
+    `stuck` says why the policy could not be followed to the end, also when a search then found a plan.
+    """
 
     instance: Instance
     mode: str
@@ -32,6 +35,7 @@ class Solved:
     problems: list[str]
     reason: str | None = None
     limited: bool = False
+    stuck: str | None = None
 
     @property
     def valid(self) -> bool:
@@ -53,6 +57,7 @@ class Solved:
             "solved": self.plan is not None,
             "valid": self.valid,
             "reason": self.reason,
+            "stuck": self.stuck,
             "problems": self.problems,
             "seconds": round(self.seconds, 4),
             "stream_seconds": round(sum(s.seconds for s in statistics.values()), 4),
@@ -81,7 +86,7 @@ def solve(
     instance = task.instance(size, seed, robot=robot)
     mode = "guided" if policy else "unguided"
     start = time.perf_counter()
-    steps, planner, reason, limited = None, mode, None, False
+    steps, planner, reason, limited, stuck = None, mode, None, False, None
     try:
         if policy is None:
             steps = solve_incremental(
@@ -89,44 +94,36 @@ def solve(
                 quota=task.file.samples, time_limit=time_limit, progress=progress,
             )  # fmt: skip
         else:
-            steps, planner = _guided(policy, instance, time_limit, progress)
+            try:
+                steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
+            except DeadEnd as end:
+                stuck, planner = str(end), "constrained domain"
+                progress(f"following the policy failed ({end}); searching the constrained domain")
+                steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
     except LimitReached as error:
         reason, limited = str(error), True
     except NoAnswer as error:
         reason = str(error)
     seconds = time.perf_counter() - start
     if steps is None:
-        return Solved(instance, mode, planner, seconds, 0.0, None, [], reason, limited)
+        return Solved(instance, mode, planner, seconds, 0.0, None, [], reason, limited, stuck)
     start = time.perf_counter()
     plan = Plan.of(instance, steps)
     problems = validate(plan, task)
-    return Solved(instance, mode, planner, seconds, time.perf_counter() - start, plan, problems)
+    return Solved(instance, mode, planner, seconds, time.perf_counter() - start, plan, problems, stuck=stuck)
 
 
-def _guided(
-    policy: Policy, instance: Instance, time_limit: float, progress: Callable[[str], None]
-) -> tuple[list[Step], str]:
-    """Follow the policy step by step; if that fails, search the constrained domain over samples."""
-    start = time.monotonic()
+def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: float) -> list[Step]:
+    """Search the constrained domain over samples. Raises the dead end again when there is no plan."""
+    task = instance.task
+    sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
+    program = Program.of(constrained_domain(policy, task.folder, sorts))
+    goal = And((task.goal, Atom("ready", ())))
     try:
-        return GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps, "guided"
-    except DeadEnd as end:
-        progress(f"following the policy failed ({end}); searching the constrained domain")
-        task = instance.task
-        sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
-        program = Program.of(constrained_domain(policy, task.folder, sorts))
-        goal = And((task.goal, Atom("ready", ())))
-        left = time_limit - (time.monotonic() - start)
-        try:
-            found = solve_incremental(
-                program,
-                instance.base,
-                instance.state,
-                goal,
-                quota=task.file.samples,
-                time_limit=left,
-                max_levels=4,
-            )
-        except NoAnswer:
-            raise end from None
-        return [step for step in map(original_step, found) if step is not None], "constrained domain"
+        found = solve_incremental(
+            program, instance.base, instance.state, goal,
+            quota=task.file.samples, time_limit=time_limit, max_levels=4,
+        )  # fmt: skip
+    except NoAnswer:
+        raise end from None
+    return [step for step in map(original_step, found) if step is not None]

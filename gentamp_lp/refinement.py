@@ -1,0 +1,98 @@
+"""Problems on which following a policy failed: kept beside the policy, so that learning can go on from there.
+
+`gentamp-lp solve` appends to `failures.jsonl` in the bundle; `gentamp-lp learn --refine` learns again with these
+problems and lists them as `refined_on` in the new bundle's `report.json` (counterexample-guided refinement).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from gentamp_lp.errors import Diagnostic, InputError
+
+_FILE = "failures.jsonl"
+_SETTINGS = {"task", "seed", "solver_seed", "robot", "grammars", "max_complexity", "around", "fairness"}
+_FIELDS = {"size": str, "seed": int, "robot": str, "reason": str}
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A problem, and why a policy could not be followed on it."""
+
+    size: str
+    seed: int
+    robot: str
+    reason: str
+
+
+def record(folder: Path, failure: Failure) -> None:
+    """Append a failure to a bundle, unless its problem is there. Raises InputError when it cannot be written."""
+    if any(_problem(known) == _problem(failure) for known in recorded(folder)):
+        return
+    path = folder / _FILE
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(failure), ensure_ascii=False) + "\n")
+    except OSError as error:
+        raise InputError(Diagnostic(f"the failure cannot be kept: {error.strerror}", path)) from None
+
+
+def recorded(folder: Path) -> list[Failure]:
+    """What a bundle was refined on, then what failed since. Raises InputError for a damaged file."""
+    return [*_refined_on(folder), *_failed(folder / _FILE)]
+
+
+def read_report(folder: Path) -> Mapping[str, Any]:
+    """The report of a bundle, empty if there is none. Raises InputError when it is damaged."""
+    path = folder / "report.json"
+    try:
+        report = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(Diagnostic(f"cannot read the report: {error}", path)) from None
+    return report if isinstance(report, dict) else {}
+
+
+def settings(folder: Path) -> dict[str, Any]:
+    """How a bundle was learned: keyword arguments of `learn` by name, and its `task`.
+
+    Raises InputError when the bundle does not say.
+    """
+    found = read_report(folder).get("settings")
+    if not isinstance(found, dict) or set(found) != _SETTINGS:
+        hint = "refine a bundle that `gentamp-lp learn` wrote"
+        raise InputError(
+            Diagnostic("the report does not say how the policy was learned", folder / "report.json", hint=hint)
+        )
+    return found
+
+
+def _problem(failure: Failure) -> tuple[str, int, str]:
+    return failure.size, failure.seed, failure.robot
+
+
+def _refined_on(folder: Path) -> list[Failure]:
+    return [_failure(row, folder / "report.json", None) for row in read_report(folder).get("refined_on", ())]
+
+
+def _failed(path: Path) -> list[Failure]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(Diagnostic(f"cannot be read: {error}", path)) from None
+    found = []
+    for number, line in enumerate(lines, 1):
+        try:
+            found.append(_failure(json.loads(line), path, number))
+        except json.JSONDecodeError as error:
+            raise InputError(Diagnostic(f"not JSON: {error.msg}", path, number)) from None
+    return found
+
+
+def _failure(row: Any, path: Path, line: int | None) -> Failure:
+    if not isinstance(row, dict) or {k: type(v) for k, v in row.items()} != _FIELDS:
+        raise InputError(Diagnostic(f"not a failure: want {', '.join(_FIELDS)}", path, line))
+    return Failure(**row)
