@@ -12,14 +12,16 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.masks import bits
+from gentamp_lp.masks import bits, pack
 
 _FACT = re.compile(r"([a-z]\w*)\(([^()\"]*|[^()\"]*\"(?:[^\"\\]|\\.)*\"\s*)\)\s*\.")
-_PAIR = {name: re.compile(rf"\b{name}\(\s*(\d+)\s*,\s*(\d+)\s*\)\s*\.") for name in ("pos", "inc", "dec", "state")}
+_POOLED = re.compile(r"\b(pos|inc|dec)\(\s*(\d+)\s*,\s*(?:\(([\d;\s]+)\)|(\d+))\s*\)\s*\.")
 _ARITY = {
     "state": 2, "initial": 1, "goal": 1, "transition": 3, "candidate": 1,
-    "action": 2, "feature": 3, "size": 2, "pos": 2, "inc": 2, "dec": 2,
+    "action": 2, "feature": 3, "size": 2,
 }  # fmt: skip
 
 
@@ -76,17 +78,17 @@ def parse_evidence(facts: str) -> Evidence:
     rows = _rows(facts)
     sizes = {int(f): int(size) for f, size in rows["size"]}
     features = sorted((_feature(row, sizes) for row in rows["feature"]), key=lambda f: f.id)
-    bit = {feature.id: 1 << i for i, feature in enumerate(features)}
-    if len(bit) < len(features):
+    place = {feature.id: i for i, feature in enumerate(features)}
+    if len(place) < len(features):
         raise InputError(Diagnostic("two feature/3 facts have the same number"))
     states = {int(s): 0 for s, _ in rows["state"]}
     transitions = {int(t): (int(s), int(s2)) for t, s, s2 in rows["transition"]}
-    positive = _masks(rows["pos"], bit, states, "pos", "state")
-    inc = _masks(rows["inc"], bit, transitions, "inc", "transition")
-    dec = _masks(rows["dec"], bit, transitions, "dec", "transition")
+    positive = _masks(rows["pos"], place, states, "pos", "state")
+    inc = _masks(rows["inc"], place, transitions, "inc", "transition")
+    dec = _masks(rows["dec"], place, transitions, "dec", "transition")
     evidence = Evidence(
         features=tuple(features),
-        numeric=sum(bit[f.id] for f in features if f.kind == "numeric"),
+        numeric=sum(1 << i for i, f in enumerate(features) if f.kind == "numeric"),
         states={s: positive[s] for s in sorted(states)},
         initial=_marked(rows["initial"], states, "initial", "state"),
         goals=_marked(rows["goal"], states, "goal", "state"),
@@ -99,15 +101,18 @@ def parse_evidence(facts: str) -> Evidence:
 
 
 def _rows(facts: str) -> dict[str, list[tuple[str, ...]]]:
-    """Split the text into argument rows; the four large predicates by one fast scan each."""
+    """Split the text into argument rows; the values of the features, which are many, by one scan.
+
+    `pos(1,(2;4))` stands for `pos(1,2)` and `pos(1,4)`, as in clingo; such a row is ("1", "2;4").
+    """
     rows: dict[str, list[tuple[str, ...]]] = defaultdict(list)
     text = re.sub(r"%[^\n]*", "", facts) if "%" in facts else facts
-    for name, pattern in _PAIR.items():
-        rows[name] = pattern.findall(text)
-    rest = re.sub(r"\b(?:pos|inc|dec|state)\(\s*\d+\s*,\s*\d+\s*\)\s*\.", "", text)
+    for match in _POOLED.finditer(text):
+        rows[match[1]].append((match[2], match[3] or match[4]))
+    rest = _POOLED.sub("", text)
     for match in _FACT.finditer(rest):
         name, arguments = match[1], tuple(part.strip() for part in match[2].split(","))
-        if _ARITY.get(name) != len(arguments) or name in _PAIR:
+        if _ARITY.get(name) != len(arguments):
             raise _unreadable(text, match[0])
         if not all(part.isdigit() for part in arguments[: 1 if name in ("feature", "action") else None]):
             raise _unreadable(text, match[0])
@@ -132,14 +137,17 @@ def _feature(row: tuple[str, ...], sizes: Mapping[int, int]) -> PoolFeature:
 
 
 def _masks(
-    pairs: Iterable[tuple[str, ...]], bit: dict[int, int], known: Iterable[int], name: str, kind: str
+    rows: Iterable[tuple[str, ...]], place: dict[int, int], known: Iterable[int], name: str, kind: str
 ) -> dict[int, int]:
-    masks = dict.fromkeys(known, 0)
-    for feature, key in pairs:
-        if int(feature) not in bit or int(key) not in masks:
-            raise InputError(Diagnostic(f"{name}({feature}, {key}): no such feature or {kind}"))
-        masks[int(key)] |= bit[int(feature)]
-    return masks
+    """For each known state or transition, the mask of the features that have a row with its number."""
+    line = {number: index for index, number in enumerate(known)}
+    table = np.zeros((len(line), len(place)), dtype=np.bool_)
+    for feature, keys in rows:
+        for key in map(int, keys.split(";")):
+            if int(feature) not in place or key not in line:
+                raise InputError(Diagnostic(f"{name}({feature}, {key}): no such feature or {kind}"))
+            table[line[key], place[int(feature)]] = True
+    return dict(zip(line, pack(table), strict=True))
 
 
 def _marked(rows: Iterable[tuple[str, ...]], known: Iterable[int], name: str, kind: str) -> frozenset[int]:

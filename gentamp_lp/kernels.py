@@ -16,13 +16,15 @@ from operator import and_
 from gentamp_lp.lemmas import Expanded, Move, Theory
 from gentamp_lp.masks import bits, minimal
 
+_DEMANDS = 2000  # at most; larger sets refute little
+
 
 class _TooMany(Exception):
     """The effort is spent."""
 
 
 def demands(theory: Theory) -> list[int]:
-    """Return sets of features: every abstraction selects one feature of each, whatever else it selects.
+    """Return sets of features, the smallest: every abstraction selects one of each, whatever else it selects.
 
     They are the differences of goal states and others, the changes of moves without alternative, and the covers of
     pairs of states with one move each (see `asp/abstraction/goal.lp`, `moves.lp` and `covers.lp`).
@@ -33,7 +35,7 @@ def demands(theory: Theory) -> list[int]:
         for goal in theory.goals
         for values in (*(state.values for state in theory.expanded), *theory.frontier)
     )
-    return minimal(sets.union(covers(theory)))
+    return minimal(sets.union(covers(theory)), _DEMANDS)
 
 
 def covers(theory: Theory) -> dict[int, tuple[int, int]]:

@@ -27,7 +27,7 @@ from functools import reduce
 from operator import or_
 
 from gentamp_lp.evidence import Evidence
-from gentamp_lp.masks import bits, hitting, minimal
+from gentamp_lp.masks import bits, hitting, minimal, transpose
 from gentamp_lp.sieve import Edge, components, short_loops, sieve
 
 FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
@@ -240,19 +240,17 @@ class _Graph:
 
 def compress(evidence: Evidence, fairness: str) -> Theory:
     """Merge what no data tells apart; the answer is the same, the problem smaller."""
-    moves = [t for numbers in evidence.candidates.values() for t in numbers]
-    columns: dict[int, list[int]] = {i: [0, 0, 0] for i in range(len(evidence.features))}
-    for row, values in enumerate(evidence.states.values()):
-        for i in bits(values):
-            columns[i][0] |= 1 << row
-    for row, number in enumerate(moves):
-        for i in bits(evidence.transitions[number].inc):
-            columns[i][1] |= 1 << row
-        for i in bits(evidence.transitions[number].dec):
-            columns[i][2] |= 1 << row
+    moves = [evidence.transitions[t] for numbers in evidence.candidates.values() for t in numbers]
+    width = len(evidence.features)
+    columns = zip(
+        transpose(list(evidence.states.values()), width),
+        transpose([move.inc for move in moves], width),
+        transpose([move.dec for move in moves], width),
+        strict=True,
+    )
     everywhere = (1 << len(evidence.states)) - 1
     best: dict[tuple[int, ...], tuple[int, int, int]] = {}
-    for i, column in columns.items():
+    for i, column in enumerate(columns):
         if column[0] in (0, everywhere) and not column[1] and not column[2]:
             continue  # it never tells anything
         key = (evidence.numeric >> i & 1, *column)

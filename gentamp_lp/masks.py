@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
 
 
 def bits(mask: int) -> Iterator[int]:
@@ -48,3 +51,25 @@ def hitting(sets: Iterable[int]) -> int:
         if all(mask & chosen & ~(1 << bit) for mask in everything):
             chosen &= ~(1 << bit)
     return chosen
+
+
+def pack(rows: npt.NDArray[np.bool_]) -> list[int]:
+    """Return one mask for each row of a matrix of truth values.
+
+    >>> pack(np.array([[False, True, True], [True, False, False]]))
+    [6, 1]
+    """
+    return [int.from_bytes(row.tobytes(), "little") for row in np.packbits(rows, axis=1, bitorder="little")]
+
+
+def transpose(masks: Sequence[int], width: int) -> list[int]:
+    """Return for each bit position below `width` the mask of the rows that have this bit.
+
+    >>> transpose([0b110, 0b001], 3)
+    [2, 1, 1]
+    """
+    size = (width + 7) // 8
+    raw = b"".join(mask.to_bytes(size, "little") for mask in masks)
+    table = np.frombuffer(raw, dtype=np.uint8).reshape(len(masks), size)
+    rows = np.unpackbits(table, axis=1, bitorder="little", count=width)
+    return pack(rows.T.astype(np.bool_))

@@ -63,16 +63,23 @@ pool_level(Cost) :-
 
 %!  pool_features(+Cost:nonneg) is det.
 %
-%   Print feature/3, size/2, pos/2, inc/2 and dec/2 for the representatives of this Cost.
+%   Print feature/3, size/2, pos/2, inc/2 and dec/2 for the representatives of this Cost, as ASP facts: pos(F,(1;4))
+%   stands for pos(F,1) and pos(F,4).
 
 pool_features(Cost) :-
     forall(representative(Id, Cost, Kind, Item, Pos, Inc, Dec),
            ( once(meta(Item, Size, _, _, _, _)),
              format("feature(~d,~d,~w). size(~d,~d).~n", [Id, Cost, Kind, Id, Size]),
-             forall(bit(Pos, S), format("pos(~d,~d). ", [Id, S])),
-             forall(( bit(Inc, B), transition_bit(B, T) ), format("inc(~d,~d). ", [Id, T])),
-             forall(( bit(Dec, B), transition_bit(B, T) ), format("dec(~d,~d). ", [Id, T])),
+             findall(S, bit(Pos, S), States),
+             findall(T, ( bit(Inc, B), transition_bit(B, T) ), Rising),
+             findall(T, ( bit(Dec, B), transition_bit(B, T) ), Falling),
+             maplist(print_pooled(Id), [pos, inc, dec], [States, Rising, Falling]),
              nl )).
+
+print_pooled(_, _, []) :- !.
+print_pooled(Id, Name, Numbers) :-
+    atomic_list_concat(Numbers, ;, Pooled),
+    format("~w(~d,(~w)). ", [Name, Id, Pooled]).
 
 %!  pool_formulas(+Cost:nonneg) is det.
 %

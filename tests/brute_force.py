@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from gentamp_lp.pool import Term
+import re
+
+from gentamp_lp.pool import Pool, Term
 
 
 class State:
@@ -46,3 +48,11 @@ class State:
         if variable == "none":
             return int(self.holds(body, {}))
         return sum(self.holds(body, {variable: e}) for e in self.entities[sort])
+
+
+def pool_rows(pool: Pool, name: str) -> dict[int, set[int]]:
+    """Feature -> the states (pos) or transitions (inc, dec) that a pool's facts name; pos(1,(2;4)) names two."""
+    rows: dict[int, set[int]] = {number: set() for number in pool.formulas}
+    for number, items in re.findall(rf"\b{name}\((\d+),\(?([\d;]+)\)", pool.facts):
+        rows[int(number)] |= set(map(int, items.split(";")))
+    return rows

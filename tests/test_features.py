@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable
 
 import pytest
+from brute_force import pool_rows
 
 from gentamp_lp.dataset import Dataset, Problem
 from gentamp_lp.features import Features, matches_effects, to_formula, valuation
@@ -26,13 +27,6 @@ def closed(domain: Domain, data: Dataset, problem: Problem) -> FactBase:
     for fact in problem.static:
         base.add(fact)
     return base
-
-
-def numbered(pool: Pool, name: str) -> dict[int, set[int]]:
-    found: dict[int, set[int]] = {i: set() for i in pool.formulas}
-    for feature, item in re.findall(rf"\b{name}\((\d+),(\d+)\)", pool.facts):
-        found[int(feature)].add(int(item))
-    return found
 
 
 def as_features(pool: Pool, chosen: Iterable[int]) -> Features:
@@ -58,7 +52,7 @@ def test_python_and_prolog_agree_on_every_feature(learned: Learned) -> None:
         state = data.states[number]
         fluents = frozenset(fact for fact in state.facts if fact[0] in domain.fluents)
         values[number] = features.values(View(program, bases[state.problem], fluents))
-    pos, inc, dec = (numbered(pool, name) for name in ("pos", "inc", "dec"))
+    pos, inc, dec = (pool_rows(pool, name) for name in ("pos", "inc", "dec"))
     for i in chosen:
         counts = {number: value[f"feature{i}"] for number, value in values.items()}
         changes = {n: counts[t.target] - counts[t.source] for n, t in steps.items()}

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import pytest
-from brute_force import State
+from brute_force import State, pool_rows
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.pool import PoolSession, describe, generate_pool, parse_term
@@ -176,16 +176,10 @@ def behaviours(text: str, cost: int, grammars: list) -> dict[tuple, int]:
     """The cheapest cost of each behaviour, Boolean features up to complement."""
     pool = generate_pool(text, max_cost=cost, grammars=grammars)
     states = frozenset(range(text.count("\nstate(")))
-    rows = {number: {"pos": set(), "inc": set(), "dec": set()} for number in pool.formulas}
-    for fact in pool.facts.split():
-        name, _, rest = fact.partition("(")
-        if name in ("pos", "inc", "dec"):
-            number, _, value = rest.rstrip(").").partition(",")
-            rows[int(number)][name].add(int(value))
+    rows = [pool_rows(pool, name) for name in ("pos", "inc", "dec")]
     result: dict[tuple, int] = {}
-    for number, row in rows.items():
-        level, kind = pool.kinds[number]
-        pos, inc, dec = (frozenset(row[name]) for name in ("pos", "inc", "dec"))
+    for number, (level, kind) in pool.kinds.items():
+        pos, inc, dec = (frozenset(row[number]) for row in rows)
         keys = [(kind, pos, inc, dec)]
         if kind == "boolean":
             keys.append((kind, states - pos, dec, inc))

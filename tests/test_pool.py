@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import synthetic
-from brute_force import State
+from brute_force import State, pool_rows
 
 from gentamp_lp.errors import InputError, LimitReached, SolverError
 from gentamp_lp.pool import Pool, PoolSession, check_grammars, deepen, describe, find_grammar, generate_pool, parse_term
@@ -34,20 +34,13 @@ def behaviour(data: synthetic.Data, formula: str) -> tuple[set[int], set[int], s
     )
 
 
-def facts(pool: Pool, name: str) -> dict[int, set[int]]:
-    result: dict[int, set[int]] = {i: set() for i in pool.formulas}
-    for i, x in re.findall(rf"\b{name}\((\d+),(\d+)\)", pool.facts):
-        result[int(i)].add(int(x))
-    return result
-
-
 def features(pool: Pool) -> dict[int, tuple[int, str]]:
     found = re.findall(r"feature\((\d+),(\d+),(\w+)\)", pool.facts)
     return {int(i): (int(cost), kind) for i, cost, kind in found}
 
 
 def assert_exact(data: synthetic.Data, pool: Pool, only: Iterable[int] | None = None) -> None:
-    pos, inc, dec, kinds = facts(pool, "pos"), facts(pool, "inc"), facts(pool, "dec"), features(pool)
+    pos, inc, dec, kinds = pool_rows(pool, "pos"), pool_rows(pool, "inc"), pool_rows(pool, "dec"), features(pool)
     for i in pool.formulas if only is None else only:
         expected = behaviour(data, pool.formulas[i])
         assert (pos[i], inc[i], dec[i]) == expected[:3], pool.formulas[i]
@@ -104,8 +97,8 @@ def pool() -> Pool:
 
 
 def test_no_two_features_behave_alike(pool: Pool) -> None:
-    pos, inc, dec = facts(pool, "pos"), facts(pool, "inc"), facts(pool, "dec")
-    states = {int(s) for s in re.findall(r"pos\(\d+,(\d+)\)", pool.facts)}
+    pos, inc, dec = pool_rows(pool, "pos"), pool_rows(pool, "inc"), pool_rows(pool, "dec")
+    states = set().union(*pos.values())
     seen = set()
     for i, (_, kind) in features(pool).items():
         this = (kind, frozenset(pos[i]), frozenset(inc[i]), frozenset(dec[i]))
@@ -156,7 +149,7 @@ def test_features_of_the_paper_are_in_the_pool() -> None:
     """Each formula behaves like some feature of the pool up to its cost."""
     data = synthetic.load((2, 3), poses=6, seed=1)
     pool = generate_pool(data.text(), max_cost=4)
-    columns = [map(frozenset, facts(pool, name).values()) for name in ("pos", "inc", "dec")]
+    columns = [map(frozenset, pool_rows(pool, name).values()) for name in ("pos", "inc", "dec")]
     behaviours = set(zip(*columns, strict=True))
     for formula in (
         "formula(0,v0,object,conj(holding(v0),neg(tray(v0))))",
@@ -186,7 +179,7 @@ def test_data_without_features_give_an_empty_pool(text: str) -> None:
 def test_data_without_transitions() -> None:
     text = "sort(o). predicate(p, [o]). problem(0). entity(0, o, a). state(0, 0). state(1, 0). fluent(0, p(a))."
     pool = generate_pool(text, max_cost=2)
-    assert facts(pool, "pos")[1] in ({0}, {1})
+    assert pool_rows(pool, "pos")[1] in ({0}, {1})
     assert not re.search("inc|dec", pool.facts)
 
 
