@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gentamp_lp import learning, solve
-from gentamp_lp.errors import LimitReached
+from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.learning import Learned, learn
 from gentamp_lp.resources import resource
 from gentamp_lp.task import Task
@@ -82,3 +82,12 @@ def test_a_distractor_does_not_enter_the_policy(name: str, train: str, seed: int
     assert any("blue(" in formula for formula in learned.pool.formulas.values())
     assert not any("blue(" in feature.formula for feature in learned.policy.features)
     assert learned.solution.optimal
+
+
+@pytest.mark.parametrize("task, complexity", [("load", 1), ("clutter", 2)])
+def test_no_policy_is_explained_with_concrete_states(task, complexity):
+    """Goals that no feature separates; like states with moves that differ. The culprits are named, with a remedy."""
+    with pytest.raises(NoAnswer) as error:
+        learn(Task.load(task), max_complexity=complexity)
+    golden = Path(__file__).parent / "golden" / f"no-policy-{task}.txt"
+    assert str(error.value) + "\n" == golden.read_text(encoding="utf-8")

@@ -11,8 +11,8 @@ def subsets(items):
 class Sample:
     """Plain sets; nothing is shared with the package."""
 
-    def __init__(self, rng):
-        nf, ns = rng.randint(3, 6), rng.randint(4, 7)
+    def __init__(self, rng, features=(3, 6)):
+        nf, ns = rng.randint(*features), rng.randint(4, 7)
         self.states = list(range(1, ns + 1))
         self.features = list(range(1, nf + 1))
         self.cost = {f: rng.randint(1, 4) for f in self.features}
@@ -107,6 +107,19 @@ class Sample:
             return True
         effects = [rule[a] for a, _ in loop]
         return not any(any(e[i] == -1 for e in effects) and not any(e[i] == 1 for e in effects) for i in numeric)
+
+    def least(self, fairness):
+        """The least (cost, size, number) that some choice makes right, or None: `optima` without what is dearer."""
+        sources = sorted(self.candidates)
+        choices = [dict(zip(sources, m, strict=True)) for m in product(*(self.candidates[s] for s in sources))]
+        weighed = sorted(
+            (sum(self.cost[f] for f in phi), sum(self.size(f) for f in phi), len(phi), sorted(phi))
+            for phi in subsets(self.features)
+        )
+        for *weight, phi in weighed:
+            if any(self.accepts(phi, choice, fairness) for choice in choices):
+                return tuple(weight)
+        return None
 
     def optima(self, fairness):
         """All (cost, size, number, rules, features) that some choice makes right, best first, with the first choice."""

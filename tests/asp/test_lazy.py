@@ -41,6 +41,18 @@ def test_the_answer_is_the_first_optimum_of_brute_force(block):
     assert found > 20
 
 
+@pytest.mark.parametrize("block", range(5))
+def test_subsets_of_up_to_twelve_features(block):
+    found = 0
+    for seed in range(120 * block, 120 * (block + 1)):
+        sample = Sample(random.Random(50_000 + seed), features=(8, 12))
+        fairness = LEVELS[seed % 3]
+        wanted, answer = sample.least(fairness), solved(sample, fairness)
+        found += wanted is not None
+        assert (answer and (answer[0], answer[1])) == (wanted and (wanted[0], wanted[2])), f"sample {seed}, {fairness}"
+    assert found > 60
+
+
 @pytest.mark.parametrize("fairness", LEVELS)
 def test_the_declarative_reference_agrees(fairness):
     found = 0
