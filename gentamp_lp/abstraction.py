@@ -16,7 +16,7 @@ from gentamp_lp.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.encoding import LazyPolicy, improvement_facts, relaxed_program, theory_facts
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.evidence import Evidence, parse_evidence
-from gentamp_lp.lemmas import FAIRNESS, Theory, compress
+from gentamp_lp.lemmas import FAIRNESS, UNSEEN, Theory, compress
 from gentamp_lp.resources import resource
 
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
@@ -44,6 +44,7 @@ def synthesize_policy(
     facts: str | Evidence,
     *,
     fairness: str = "qnp",
+    unseen: str = "drop",
     time_limit: float | None = None,
     seed: int = 0,
     improve: tuple[int, int] | None = None,
@@ -53,12 +54,12 @@ def synthesize_policy(
     """Return the cheapest abstraction with a policy for every expanded state of the sample.
 
     `fairness` is the least that must be guaranteed: `strong` (no loop), `qnp` (every loop lowers a count it
-    never raises) or `strong-cyclic` (a goal stays in reach). Outcomes of a falling count that no seen state
-    shows are dropped. Among optimal answers the one with the shortest formulas, then the fewest features, then
-    the fewest policy rules, then the smallest numbers is returned, whatever the seed (if more than 200 tie, of
-    the first 200). `improve` = (cost, level) asks only for answers that cost less and use a feature whose cost
-    exceeds the level: what a deeper pool can add to an optimum over a shallower one. The effort for that is
-    limited by a number of conflicts.
+    never raises) or `strong-cyclic` (a goal stays in reach). A falling count may reach zero or not: outcomes that
+    no seen state shows are dropped, or (`unseen` = "refuse") make the policy wrong. Among optimal answers the one
+    with the shortest formulas, then the fewest features, then the fewest policy rules, then the smallest numbers is
+    returned, whatever the seed (if more than 200 tie, of the first 200). `improve` = (cost, level) asks only for
+    answers that cost less and use a feature whose cost exceeds the level: what a deeper pool can add to an optimum
+    over a shallower one. The effort for that is limited by a number of conflicts.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
     before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal`
@@ -66,11 +67,13 @@ def synthesize_policy(
     """
     if fairness not in FAIRNESS:
         raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(FAIRNESS)}")
+    if unseen not in UNSEEN:
+        raise InputError(f"unknown treatment of unseen outcomes {unseen!r}: one of {', '.join(UNSEEN)}")
     say = progress or (lambda message: None)
     clock = _Clock(time_limit)
     evidence = parse_evidence(facts) if isinstance(facts, str) else facts
     require_separable_goals(evidence)
-    theory = compress(evidence, fairness)
+    theory = compress(evidence, fairness, unseen)
     lazy = LazyPolicy(theory)
     watch = _Watch(say)
     program = Program(

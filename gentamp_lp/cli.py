@@ -43,6 +43,13 @@ class Fairness(StrEnum):
     strong = "strong"
 
 
+class Unseen(StrEnum):
+    """What to make of a falling count that no seen state shows at zero, or above zero."""
+
+    drop = "drop"
+    refuse = "refuse"
+
+
 class Mode(StrEnum):
     """How an instance is planned."""
 
@@ -100,6 +107,10 @@ def learn(
     ] = None,
     transitions: TransitionsOpt = Transitions.around,
     fairness: Annotated[Fairness, typer.Option(help="Weakest guarantee to accept.")] = Fairness.qnp,
+    unseen: Annotated[
+        Unseen,
+        typer.Option(help="Falling counts may run out or not; what to make of outcomes that no state shows."),
+    ] = Unseen.drop,
     time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for everything.")] = 600.0,
     cache: CacheOpt = True,
     robot: RobotOpt = None,
@@ -130,6 +141,7 @@ def learn(
         "max_complexity": max_complexity,
         "around": transitions is Transitions.around,
         "fairness": fairness.value,
+        "unseen": unseen.value,
     }
     if refine is not None:
         options = _again(context, refine, options)

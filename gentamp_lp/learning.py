@@ -123,6 +123,7 @@ class Learned:
             self.solution,
             parse_evidence(self.facts),
             self.policy.fairness,
+            self.settings["unseen"],
             lambda state: self.dataset.describe(state, fluents),
         )
         return {f.name: found[number] for f, number in zip(self.policy.features, self.solution.features, strict=True)}
@@ -155,6 +156,7 @@ def learn(
     max_complexity: int | None = None,
     around: bool = True,
     fairness: str = "qnp",
+    unseen: str = "drop",
     failures: Sequence[Failure] = (),
     start: Policy | None = None,
     time_limit: float = 600.0,
@@ -177,6 +179,7 @@ def learn(
         "max_complexity": max_complexity,
         "around": around,
         "fairness": fairness,
+        "unseen": unseen,
     }
     solver_seed = seed if solver_seed is None else solver_seed
     grammars = task.grammars(grammars)
@@ -204,7 +207,9 @@ def learn(
         notes += fails(start, beyond[-len(failures) :])
     for rounds in count():
         found: list[str] = []
-        for learned in _policies(task, data, grammars, highest, fairness, solver_seed, deadline, clock, progress):
+        for learned in _policies(
+            task, data, grammars, highest, fairness, unseen, solver_seed, deadline, clock, progress
+        ):
             if learned.interrupted:
                 notes.append("interrupted: the policy is the best found so far and was not rolled out")
                 break
@@ -232,6 +237,7 @@ def _policies(
     grammars: Sequence[Path],
     highest: int,
     fairness: str,
+    unseen: str,
     seed: int,
     deadline: float,
     clock: _Clock,
@@ -261,6 +267,7 @@ def _policies(
             solution = synthesize_policy(
                 facts,
                 fairness=fairness,
+                unseen=unseen,
                 time_limit=deadline - time.monotonic(),
                 seed=seed,
                 improve=(learned.solution.cost, level - 1) if learned else None,

@@ -8,6 +8,8 @@ cannot result from T.
 goal          A goal and another state look different: some feature that differs on them is selected.
 consistency   States s and t that look alike make the same change: if F is selected and T chosen in s, then
               some feature that differs on s and t is selected, or a move of t with T's change of F is chosen.
+unseen        Where outcomes that no seen state shows are refused: if T is chosen, and the features are selected
+              that tell one of its outcomes from every seen state, T is wrong.
 frontier      An outcome shown by an unexpanded state u only has no rule: if T is chosen, and the features are
               selected that tell u from every expanded state, then some feature breaks (T, u).
 termination   A loop that SIEVE cannot cut: of its moves one is not chosen, or a feature breaks one of its
@@ -16,7 +18,8 @@ acyclic       The same for any loop, if strong fairness is demanded.
 trap          States from which no goal is reached: one of their moves is not chosen, or the features that
               keep its outcomes inside are not all selected.
 
-Outcomes are compared with the seen states; the 2^n outcomes of n falling counts are never listed.
+Outcomes are compared with the seen states; the 2^n outcomes of n selected falling counts are listed only to refuse
+those that are unseen.
 """
 
 from __future__ import annotations
@@ -27,10 +30,11 @@ from functools import reduce
 from operator import or_
 
 from gentamp_lp.evidence import Evidence
-from gentamp_lp.masks import bits, hitting, minimal, transpose
+from gentamp_lp.masks import bits, hitting, minimal, subsets, transpose
 from gentamp_lp.sieve import Edge, components, short_loops, sieve
 
 FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
+UNSEEN = ("drop", "refuse")  # outcomes of falling counts that no seen state shows
 _AT_A_TIME = 60
 
 
@@ -78,6 +82,7 @@ class Theory:
     frontier: tuple[int, ...]
     goals: tuple[int, ...]
     fairness: str
+    unseen: str
     home: dict[int, int] = field(repr=False)  # expanded state id -> id of its class
 
     def broken(self, state: Expanded, move: Move, values: int) -> int:
@@ -151,7 +156,27 @@ class _Graph:
         }
 
     def refute(self) -> list[Lemma]:
-        return self._frontier() or self._loops() or self._trap()
+        return self._unseen() or self._frontier() or self._loops() or self._trap()
+
+    def _unseen(self) -> list[Lemma]:
+        if self.theory.unseen == "drop":
+            return []
+        looks = {*self.expanded, *self.goals, *self.frontier}
+        lemmas: dict[Lemma, None] = {}
+        for look, (_, move) in self.rules.items():
+            falling = move.dec & self.theory.numeric & self.selection
+            for zeros in subsets(falling):
+                outcome = ((look | move.inc) & ~move.dec | falling & ~zeros) & self.selection
+                if outcome in looks:
+                    continue
+                needed = hitting({outcome ^ seen for seen in looks})
+                for state, same in self.answered:
+                    if state.values & self.selection == look:
+                        lemma = Lemma("unseen", frozenset({state.id}), unselected=needed, unchosen=(same.id,))
+                        lemmas[lemma] = None
+            if len(lemmas) >= _AT_A_TIME:
+                break
+        return list(lemmas)[:_AT_A_TIME]
 
     def _frontier(self) -> list[Lemma]:
         lemmas: dict[Lemma, None] = {}
@@ -238,7 +263,7 @@ class _Graph:
         return [Lemma("trap", trapping, unselected=needed, unchosen=moves)]
 
 
-def compress(evidence: Evidence, fairness: str) -> Theory:
+def compress(evidence: Evidence, fairness: str, unseen: str = "drop") -> Theory:
     """Merge what no data tells apart; the answer is the same, the problem smaller."""
     moves = [evidence.transitions[t] for numbers in evidence.candidates.values() for t in numbers]
     width = len(evidence.features)
@@ -257,10 +282,10 @@ def compress(evidence: Evidence, fairness: str) -> Theory:
         rank = (evidence.features[i].cost, evidence.features[i].size, i)
         best[key] = min(best.get(key, rank), rank)
     features = sum(1 << i for *_, i in best.values())
-    return _states(evidence, features, fairness)
+    return _states(evidence, features, fairness, unseen)
 
 
-def _states(evidence: Evidence, features: int, fairness: str) -> Theory:
+def _states(evidence: Evidence, features: int, fairness: str, unseen: str) -> Theory:
     known: dict[tuple[int, frozenset[tuple[int, int]]], Expanded] = {}
     home: dict[int, int] = {}
     for number, candidates in evidence.candidates.items():
@@ -280,5 +305,6 @@ def _states(evidence: Evidence, features: int, fairness: str) -> Theory:
         tuple(sorted({evidence.states[s] & features for s in evidence.frontier} - looks)),
         tuple(sorted({evidence.states[s] & features for s in evidence.goals})),
         fairness,
+        unseen,
         home,
     )

@@ -20,6 +20,19 @@ def bits(mask: int) -> Iterator[int]:
         mask ^= low
 
 
+def subsets(mask: int) -> Iterator[int]:
+    """Yield every mask within a mask, itself first, the empty one last.
+
+    >>> list(subsets(0b101))
+    [5, 4, 1, 0]
+    """
+    part = mask
+    yield part
+    while part:
+        part = (part - 1) & mask
+        yield part
+
+
 def minimal(sets: Iterable[int], limit: int | None = None) -> list[int]:
     """Return the inclusion-minimal masks, smallest first; only so many if a limit is given.
 

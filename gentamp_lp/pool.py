@@ -103,6 +103,13 @@ class PoolSession:
         finally:
             self._spent += time.monotonic() - started
 
+    def _ask_much(self, goal: str) -> str:
+        """The same for goals that print hundreds of megabytes."""
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "printed"
+            self._ask(f"bridge:to_file({quote(file)}, {goal})")
+            return file.read_text(encoding="utf-8")
+
     def deepen(self, cost: int) -> Pool:
         """Return the pool of all features up to `cost`, building the levels that are missing.
 
@@ -110,7 +117,7 @@ class PoolSession:
         """
         for level in range(self._level + 1, cost + 1):
             self._ask(f"pool_level({level})")
-            self._facts.append(self._ask(f"pool_features({level})"))
+            self._facts.append(self._ask_much(f"pool_features({level})"))
             self._formulas |= _numbered(self._ask(f"pool_formulas({level})"))
             self._level = level
         text = self._ask("pool_statistics")

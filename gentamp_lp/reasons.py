@@ -11,6 +11,7 @@ from gentamp_lp.evidence import Evidence
 from gentamp_lp.lemmas import Lemma, Theory, compress
 
 _WORDS = {
+    "unseen": "the policy could lead to what no seen state shows",
     "frontier": "the policy could lead where it knows no rule",
     "termination": "nothing shows that a loop of the policy ends",
     "acyclic": "the policy could run in a loop",
@@ -18,12 +19,14 @@ _WORDS = {
 }
 
 
-def reasons(solution: Solution, evidence: Evidence, fairness: str, describe: Callable[[int], str]) -> dict[int, str]:
+def reasons(
+    solution: Solution, evidence: Evidence, fairness: str, unseen: str, describe: Callable[[int], str]
+) -> dict[int, str]:
     """For each selected feature a sentence: what the other selected features alone cannot do.
 
     `describe` says what is true in a state, given its number.
     """
-    theory = compress(evidence, fairness)
+    theory = compress(evidence, fairness, unseen)
     bit = {feature: 1 << evidence.bit(feature) for feature in solution.features}
     everything = reduce(or_, bit.values(), 0)
     choice = _choice(theory, solution)

@@ -15,7 +15,7 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError
 
 _FILE = "failures.jsonl"
-_SETTINGS = {"task", "seed", "solver_seed", "robot", "grammars", "max_complexity", "around", "fairness"}
+_SETTINGS = {"task", "seed", "solver_seed", "robot", "grammars", "max_complexity", "around", "fairness", "unseen"}
 _FIELDS = {"size": str, "seed": int, "robot": str, "reason": str}
 
 

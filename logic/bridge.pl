@@ -1,6 +1,7 @@
 :- module(bridge,
           [ load_report/2,          % +File, -Lines
             answer/3,               % +GoalText, -Status, -Output
+            to_file/2,              % +File, +Goal
             message_string/2        % +Error, -Text
           ]).
 
@@ -69,6 +70,16 @@ failure(error(notation_error(Column, Message), _), input, Output) :-
     format(string(Output), "\t0\t~d\t~s", [Column, Message]).
 failure(Error, error, Output) :-
     message_string(Error, Output).
+
+%!  to_file(+File:atom, +Goal) is semidet.
+%
+%   Run the goal once in module user; what it prints, which may be too long for a string, goes to File.
+
+to_file(File, Goal) :-
+    current_output(Old),
+    setup_call_cleanup(open(File, write, Stream, [encoding(utf8)]),
+                       ( set_output(Stream), once(user:Goal) ),
+                       ( set_output(Old), close(Stream) )).
 
 %!  message_string(+Error, -Text:string) is det.
 %

@@ -63,7 +63,7 @@ class Sample:
     def look(self, phi, s):
         return tuple(self.value[f, s] > 0 for f in phi)
 
-    def accepts(self, phi, choice, fairness):
+    def accepts(self, phi, choice, fairness, unseen="drop"):
         phi = sorted(phi)
         looks = {s: self.look(phi, s) for s in self.states}
         goals = {looks[s] for s in self.goals}
@@ -86,6 +86,8 @@ class Sample:
                     options.append([before])
             for after in product(*options):
                 if after not in looks.values():
+                    if unseen == "refuse":
+                        return False
                     continue
                 if after not in goals and after not in rule:
                     return False
@@ -121,13 +123,13 @@ class Sample:
                 return tuple(weight)
         return None
 
-    def optima(self, fairness):
+    def optima(self, fairness, unseen="drop"):
         """All (cost, size, number, rules, features) that some choice makes right, best first, with the first choice."""
         found = []
         sources = sorted(self.candidates)
         for phi in subsets(self.features):
             for moves in product(*(self.candidates[s] for s in sources)):
-                if self.accepts(phi, dict(zip(sources, moves, strict=True)), fairness):
+                if self.accepts(phi, dict(zip(sources, moves, strict=True)), fairness, unseen):
                     rules = len({self.look(sorted(phi), s) for s in sources})
                     weight = sum(self.cost[f] for f in phi), sum(self.size(f) for f in phi), len(phi)
                     found.append((*weight, rules, tuple(sorted(phi)), moves))

@@ -16,9 +16,9 @@ from gentamp_lp.resources import resource
 LEVELS = ("qnp", "strong-cyclic", "strong")
 
 
-def solved(sample, fairness, seed=0):
+def solved(sample, fairness, seed=0, unseen="drop"):
     try:
-        answer = synthesize_policy(sample.facts(), fairness=fairness, seed=seed)
+        answer = synthesize_policy(sample.facts(), fairness=fairness, unseen=unseen, seed=seed)
     except NoPolicy:
         return None
     assert answer.optimal and answer.bound == answer.cost
@@ -53,14 +53,27 @@ def test_subsets_of_up_to_twelve_features(block):
     assert found > 60
 
 
-@pytest.mark.parametrize("fairness", LEVELS)
-def test_the_declarative_reference_agrees(fairness):
+def test_unseen_outcomes_can_be_refused():
+    found = differ = 0
+    for seed in range(500):
+        sample = Sample(random.Random(60_000 + seed))
+        fairness = LEVELS[seed % 3]
+        optima, lenient = sample.optima(fairness, "refuse"), sample.optima(fairness)
+        answer = solved(sample, fairness, unseen="refuse")
+        assert (answer and answer[:3]) == (optima[0][0], optima[0][2], optima[0][4]) if optima else answer is None
+        found += bool(optima)
+        differ += bool(lenient) and (not optima or optima[0] != lenient[0])
+    assert found > 20 and differ > 20
+
+
+@pytest.mark.parametrize("fairness, unseen", [*((level, "drop") for level in LEVELS), ("qnp", "refuse")])
+def test_the_declarative_reference_agrees(fairness, unseen):
     found = 0
     for seed in range(200):
         sample = Sample(random.Random(10_000 + seed))
-        options = ["--opt-mode=opt", "-c", f"fairness={fairness.replace('-', '_')}"]
+        options = ["--opt-mode=opt", "-c", f"fairness={fairness.replace('-', '_')}", "-c", f"unseen={unseen}"]
         answers = Program([resource("asp", "reference.lp")], sample.facts(), options=options).solve().answers
-        optima = sample.optima(fairness)
+        optima = sample.optima(fairness, unseen)
         assert bool(answers) == bool(optima), f"sample {seed}"
         if answers:
             found += 1
