@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.features import to_formula
 from gentamp_lp.policy import AbstractAction, CertificateStep, Feature, Policy, Rule, Valuation
+from gentamp_lp.streams.facts import sort_predicate
+from gentamp_lp.streams.formula import atoms
 
 _HEADER = """\
 % A generalized policy, as ASP facts. Edit it, then check it: gentamp-lp validate <this folder>
@@ -36,8 +39,7 @@ _TOKEN = re.compile(r"%[^\n]*|\s+|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.|'')*'|\w+|
 
 def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
     """Write the files beside the folder, then put them in its place."""
-    if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
-        raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", path=folder))
+    require_place(folder)
     files = {
         "policy.lp": policy_facts(policy),
         "features.pl": feature_clauses(policy),
@@ -62,6 +64,12 @@ def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, re
                 old.rename(folder)
             raise
         shutil.rmtree(old, ignore_errors=True)
+
+
+def require_place(folder: Path) -> None:
+    """Raise InputError if the folder holds something else than a policy bundle."""
+    if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
+        raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", path=folder))
 
 
 def policy_facts(policy: Policy) -> str:
@@ -126,6 +134,9 @@ def load(folder: Path) -> Policy:
     for row in formulas.values():
         if row.arguments[0] not in {feature.name for feature in features}:
             raise row.error(f"feature {row.arguments[0]} is not in policy.lp")
+    extra = {row.arguments[0]: row.json(1) for row in reader.rows("extra", 2)}
+    for row in formulas.values():
+        _check_formula(row, extra.get("sorts"))
     kinds = {feature.name: feature.kind for feature in features}
     actions = tuple(_action(reader, row, kinds) for row in reader.rows("action", 1))
     states = _states(reader, kinds)
@@ -151,7 +162,7 @@ def load(folder: Path) -> Policy:
         reader.one("optimal", {"yes", "no"}) == "yes",
         int(reader.one("cost", digits=True)),
         int(reader.one("bound", digits=True)),
-        {row.arguments[0]: row.json(1) for row in reader.rows("extra", 2)},
+        extra,
     )
 
 
@@ -268,6 +279,21 @@ def _feature(row: _Row, formulas: dict[str, _Row], folder: Path) -> Feature:
         raise other.error(f"kind or cost of {name} is not that of policy.lp")
     variable, sort, formula = other.arguments[3:]
     return Feature(name, kind, row.number(2), formula, _some(variable), _some(sort), row.arguments[3])
+
+
+def _check_formula(row: _Row, sorts: dict[str, list[str]] | None) -> None:
+    """Refuse what is no formula, and predicates that the domain (`sorts`: of each argument) does not have."""
+    try:
+        formula, closures = to_formula(row.arguments[5])
+    except ValueError as error:
+        raise row.error(str(error)) from error
+    if sorts is None:
+        return
+    own = {axiom.head.predicate for axiom in closures} | {sort_predicate(s) for args in sorts.values() for s in args}
+    for atom in (atom for part in (formula, *(axiom.body for axiom in closures)) for atom in atoms(part)):
+        if atom.predicate not in own and len(sorts.get(atom.predicate, ())) != len(atom.args):
+            known = "of other arity" if atom.predicate in sorts else f"known: {', '.join(sorted(sorts))}"
+            raise row.error(f"feature {row.arguments[0]}: no predicate {atom.predicate}/{len(atom.args)} ({known})")
 
 
 def _some(name: str) -> str | None:

@@ -130,6 +130,7 @@ def learn(
     Where `solve` cannot follow a policy it keeps the problem in the bundle; `gentamp-lp learn --refine runs/unstack`
     learns again as before, from these problems too. Options that you repeat replace those of the bundle.
     """
+    from gentamp_lp.bundle import require_place
     from gentamp_lp.learning import learn as run
     from gentamp_lp.task import Task
 
@@ -150,9 +151,10 @@ def learn(
     elif task is None:
         raise InputError(Diagnostic("no task given", hint="gentamp-lp learn TASK, or gentamp-lp learn --refine BUNDLE"))
     loaded = Task.load(task, trust=trust)
+    folder = out or refine or Path("runs", loaded.name)
+    require_place(folder)  # before minutes of learning, not after
     options["grammars"] = [Path(name) for name in options["grammars"]]
     learned = run(loaded, **options, time_limit=time_limit, cache=cache, progress=_Progress(quiet))
-    folder = out or refine or Path("runs", loaded.name)
     learned.save(folder)
     if json_:
         _print_json(learned.report())
@@ -282,7 +284,7 @@ def synthesize(
 
     Example: `gentamp-lp synthesize docs/examples/synthesis/clear.lp --minimize --out clear.json`
     """
-    from gentamp_lp.plan import write_text
+    from gentamp_lp.files import write_text
     from gentamp_lp.synthesis import report as show
     from gentamp_lp.synthesis.certificate import certificate
     from gentamp_lp.synthesis.explaining import explain
@@ -502,7 +504,7 @@ def compile_(
     Example: `gentamp-lp compile runs/unstack --out constrained`
     """
     from gentamp_lp.compile import constrained_domain, to_text
-    from gentamp_lp.plan import write_text
+    from gentamp_lp.files import write_text
     from gentamp_lp.policy import Policy
     from gentamp_lp.task import Task
 

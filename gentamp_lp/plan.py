@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.files import write_text
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.semantics import Step
 from gentamp_lp.task import Instance
@@ -117,15 +116,3 @@ def _by_dependency(used: list[str], instance: Instance) -> list[str]:
     for name in used:
         visit(name)
     return list(ordered)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all. Raises InputError when the folder cannot be written to."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-    except OSError as error:
-        raise InputError(Diagnostic(f"cannot write the file: {error.strerror}", path)) from None

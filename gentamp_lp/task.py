@@ -24,6 +24,7 @@ from gentamp_lp.streams.pddl import infer_sorts, parse_formula
 from gentamp_lp.streams.semantics import Program, State
 
 Sizes = tuple[int | str, ...]
+LARGEST = 1000  # value of a size parameter: what is larger is a typing mistake
 
 
 class TaskFile(BaseModel):
@@ -111,12 +112,12 @@ class Task:
         required = [p for p in self.file.size if p not in self.file.defaults]
         parts = str(size).split("-")
         names = list(self.file.size) if len(parts) == len(self.file.size) else required
-        if len(parts) != len(names) or not all(p.isdigit() and int(p) > 0 for p in parts):
+        if len(parts) != len(names) or not all(p.isdecimal() and 0 < int(p) <= LARGEST for p in parts):
             forms = {"-".join(p.upper() for p in self.file.size), "-".join(p.upper() for p in required)}
             raise InputError(
                 Diagnostic(
                     f"`{size}` is not a size of task `{self.name}`",
-                    hint=f"write {' or '.join(sorted(forms))} in numbers",
+                    hint=f"write {' or '.join(sorted(forms))} in numbers from 1 to {LARGEST}",
                 )
             )
         given = dict(zip(names, map(int, parts), strict=True))

@@ -231,8 +231,8 @@ def test_a_mistake_in_features_pl_has_a_line(bundle, old, new, message):
 
 def test_an_edited_formula_is_read(bundle):
     path = bundle / "features.pl"
-    path.write_text(path.read_text().replace("some(v1,object,", "all(v1, object, ", 1))
-    assert Policy.load(bundle).features[0].formula.startswith("all(v1, object, conj(")
+    path.write_text(path.read_text().replace("some(v1,object,", "every(v1, object, ", 1))
+    assert Policy.load(bundle).features[0].formula.startswith("every(v1, object, conj(")
 
 
 def test_a_missing_bundle(tmp_path):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from gentamp_lp.files import replacing
 from gentamp_lp.geometry.bullet import Bullet, Camera, Closing
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.replay import State
@@ -111,7 +112,8 @@ def film(
 
 def save_still(image: Image.Image, path: Path) -> None:
     """Write a picture as PNG."""
-    image.save(path, format="PNG", optimize=True)
+    with replacing(path) as file:
+        image.save(file, format="PNG", optimize=True)
 
 
 def save_movie(images: Iterable[Image.Image], path: Path, *, seconds: float = 0.1, pause: float = 1.0) -> None:
@@ -130,4 +132,6 @@ def save_movie(images: Iterable[Image.Image], path: Path, *, seconds: float = 0.
     palette = strip.quantize(192, method=Image.Quantize.FASTOCTREE)
     reduced = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     times = [round(1000 * seconds)] * (len(reduced) - 1) + [round(1000 * (seconds + pause))]
-    reduced[0].save(path, format="GIF", save_all=True, append_images=reduced[1:], duration=times, loop=0, optimize=True)
+    first, *others = reduced
+    with replacing(path) as file:
+        first.save(file, format="GIF", save_all=True, append_images=others, duration=times, loop=0, optimize=True)

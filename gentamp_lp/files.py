@@ -1,0 +1,38 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gentamp_lp.errors import Diagnostic, InputError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a file beside `path` to write to; at the end of the block it takes the place of `path`.
+
+    If the block fails nothing is left behind. Raises InputError when the folder cannot be written to.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+        os.close(handle)
+        beside = Path(name)
+        try:
+            yield beside
+            beside.chmod(0o644)
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(Diagnostic(f"cannot write the file: {error.strerror}", path)) from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all. Raises InputError when it cannot be written."""
+    with replacing(path) as beside:
+        beside.write_text(text, encoding="utf-8", newline="\n")

@@ -1,0 +1,295 @@
+"""What people get wrong: every mistake ends in a sentence and an exit code, never in a traceback or half a file."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from gentamp_lp.cli import main
+from gentamp_lp.resources import resource
+
+UNSTACK = resource("tasks", "unstack.yaml").read_text(encoding="utf-8")
+CODE = """
+from pydantic import BaseModel
+from gentamp_lp.streams.language import from_fn, from_gen_fn, from_test
+
+class Scene(BaseModel):
+    coins: int = 2
+
+class Robot:
+    name = "hand"
+
+class World:
+    def __init__(self, coins):
+        self.values = {f"c{i}": i for i in range(coins)}
+        self.static = [("coin", name) for name in self.values]
+        self.fluents = [("tails", name) for name in self.values]
+        self.robot = Robot()
+
+def make_world(scene, parameters, robot, rng):
+    return World(parameters["coins"])
+
+def sample(coin):
+    BODY
+
+def stream_map(world, seed):
+    return {"sample-side": from_fn(sample)}
+
+def encode(value, names):
+    return value
+
+def decode(data, world, values):
+    return data
+
+def check_plan(world, steps, values):
+    return []
+
+def render_plan(world, steps, values, path):
+    raise NotImplementedError
+"""
+DOMAIN = """(define (domain coins) (:requirements :strips)
+ (:predicates (coin ?c) (side ?c ?s) (tails ?c) (heads ?c))
+ (:action flip :parameters (?c ?s) :precondition (and (coin ?c) (side ?c ?s) (tails ?c))
+  :effect (and (heads ?c) (not (tails ?c)))))
+"""
+STREAM = """(define (stream coins)
+ (:stream sample-side :inputs (?c) :domain (coin ?c) :outputs (?s) :certified (side ?c ?s)))
+"""
+COINS = """name: coins
+domain: coins
+robot: hand
+size: [coins]
+scene: {}
+goal: (forall (?c) (imply (coin ?c) (heads ?c)))
+train: [2]
+"""
+
+
+class Place:
+    """A folder with a task, a domain, a policy bundle and a plan, all of them right until somebody changes them."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def write(self, name, content):
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return name
+
+    def task(self, old, new, text=UNSTACK):
+        assert old in text, old
+        return self.write("task.yaml", text.replace(old, new, 1))
+
+    def edit(self, name, old, new):
+        text = (self.folder / name).read_text(encoding="utf-8")
+        assert old in text, (name, old)
+        self.write(name, text.replace(old, new))
+        return name
+
+    def coins(self, body="return (coin + 1,)", domain=DOMAIN, stream=STREAM, code=CODE, task=COINS):
+        self.write("coins/domain.pddl", domain)
+        self.write("coins/stream.pddl", stream)
+        self.write("coins/__init__.py", code.replace("BODY", body))
+        return self.write("coins.yaml", task)
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory):
+    """A learned policy and a plan made with it, as files."""
+    folder = tmp_path_factory.mktemp("ready")
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        for arguments in (["learn", "unstack", "-q"], ["solve", "unstack", "--size", "2", "--out", "plan.json", "-q"]):
+            sys.argv = ["gentamp-lp", *arguments]
+            with pytest.raises(SystemExit) as done:
+                main()
+            assert not done.value.code
+    finally:
+        os.chdir(before)
+    return folder
+
+
+@pytest.fixture
+def place(tmp_path, ready, monkeypatch):
+    shutil.copytree(ready, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return Place(tmp_path)
+
+
+def gentamp(monkeypatch, capsys, arguments):
+    """Exit code of a command and all it prints; an exception that leaves it fails the test."""
+    monkeypatch.setattr(sys, "argv", ["gentamp-lp", *arguments])
+    with pytest.raises(SystemExit) as done:
+        main()
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err + captured.out
+    return done.value.code or 0, captured.err + captured.out
+
+
+def bundle(place):
+    return place.folder / "runs/unstack"
+
+
+YAML = "task.yaml"
+CASES = {
+    # --- the command line
+    "no such task": (lambda p: ["learn", "unstak"], "no such task", "unstack"),
+    "no such file": (lambda p: ["learn", "missing.yaml"], "no such file", "hint:"),
+    "a folder as task": (lambda p: ["learn", p.write("d/x", "") and "d"], "no such task", "hint:"),
+    "no task": (lambda p: ["learn"], "no task given", "hint:"),
+    "unknown robot": (lambda p: ["learn", "unstack", "--robot", "r2d2"], "r2d2", "panda"),
+    "unknown size": (lambda p: ["solve", "unstack", "--size", "many"], "`many` is not a size", "BLOCKS"),
+    "size zero": (lambda p: ["solve", "unstack", "--size", "0"], "`0` is not a size", "hint:"),
+    "too many numbers": (lambda p: ["solve", "unstack", "--size", "1-2-3"], "`1-2-3` is not a size", "hint:"),
+    "huge size": (lambda p: ["solve", "unstack", "--size", "9" * 30], "size", ""),
+    "negative seed": (lambda p: ["solve", "unstack", "--size", "2", "--seed", "-1"], "--seed", ""),
+    "no policy yet": (lambda p: ["solve", "load", "--size", "2"], "no policy in `runs/load`", "gentamp-lp learn load"),
+    "policy of another task": (
+        lambda p: ["solve", "load", "--size", "2", "--policy", "runs/unstack"], "is for task `unstack`", ""),
+    "picture of unknown kind": (
+        lambda p: ["solve", "unstack", "--size", "2", "--render", "plan.mp3"], "cannot render", ".gif"),
+    "unknown option": (lambda p: ["learn", "unstack", "--sed", "1"], "--sed", "--seed"),
+    "missing grammar": (lambda p: ["learn", "unstack", "--grammar", "no.lp"], "no.lp", ""),
+    "formula with a typo": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "Holdin(x)"], "Holdin", ""),
+    "formula cut short": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "On(x,"], "character 6", "hint:"),
+    "nothing to refine": (lambda p: ["learn", "--refine", "runs/unstack"], "nothing to refine", "hint:"),
+    "refine what is not there": (lambda p: ["learn", "--refine", "runs/none"], "policy.lp", ""),
+    # --- task files
+    "empty task": (lambda p: ["learn", p.write(YAML, "")], "task.yaml:1: error", "mapping"),
+    "a list as task": (lambda p: ["learn", p.write(YAML, "- 1\n")], "task.yaml:1: error", "mapping"),
+    "broken YAML": (lambda p: ["learn", p.write(YAML, "name: [1\ngoal: x")], "task.yaml:2", "not valid YAML"),
+    "hostile YAML": (
+        lambda p: ["learn", p.task("name: unstack", "name: !!python/object/apply:os.system [id]")], "task.yaml", ""),
+    "a billion laughs": (
+        lambda p: ["learn", p.write(YAML, "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
+            f"{n}: &{n} [{', '.join(['*' + m] * 9)}]\n" for m, n in zip("abcdefgh", "bcdefghi", strict=True)))],
+        "task.yaml", ""),
+    "not UTF-8": (lambda p: ["learn", p.write(YAML, b"name: \xff\xfe")], "task.yaml", "cannot read"),
+    "binary noise": (lambda p: ["learn", p.write(YAML, bytes(range(256)))], "task.yaml", ""),
+    "unknown key": (lambda p: ["learn", p.task("robot: panda", "robot: panda\nrobots: 2")], "task.yaml:6", "robots"),
+    "missing key": (lambda p: ["learn", p.task("train: [8]", "")], "train", "required"),
+    "wrong type": (lambda p: ["learn", p.task("train: [8]", "train: eight")], "train", "task.yaml:"),
+    "no training size": (lambda p: ["learn", p.task("train: [8]", "train: []")], "train", "task.yaml:"),
+    "bad training size": (lambda p: ["learn", p.task("train: [8]", "train: [8-8-8]")], "8-8-8", "task.yaml:"),
+    "unknown domain": (lambda p: ["learn", p.task("domain: tabletop", "domain: kitchen")], "kitchen", "tabletop"),
+    "unknown stream": (
+        lambda p: ["learn", p.task("sample-grasp: 2", "sample-grip: 2")], "sample-grip", "sample-grasp"),
+    "goal without end": (lambda p: ["learn", p.task("?s) (Table ?s)))))", "?s)")], "task.yaml:", ""),
+    "goal with unknown predicate": (
+        lambda p: ["learn", p.task("(Table ?s)", "(Tabel ?s)")], "unknown predicate `Tabel`", "task.yaml:20"),
+    "goal with wrong arity": (
+        lambda p: ["learn", p.task("(Table ?s)", "(Table ?s ?s)")], "takes 1 argument", "task.yaml:20"),
+    "goal with free variable": (lambda p: ["learn", p.task("(Table ?s)", "(Table ?z)")], "?z", "task.yaml:"),
+    "bad name": (lambda p: ["learn", p.task("name: unstack", "name: Un stack")], "name", "task.yaml:2"),
+    "complexity zero": (lambda p: ["learn", p.write(YAML, UNSTACK + "max_complexity: 0\n")], "max_complexity", ""),
+    "missing grammar of a task": (
+        lambda p: ["learn", p.write(YAML, UNSTACK + "grammar: [no.lp]\n")], "no.lp", ""),
+    "scene with a typo": (lambda p: ["learn", p.task("shapes:", "shape:")], "shape", "task.yaml:"),
+    "scene without room": (
+        lambda p: ["check", p.task("{x: [0.35, 0.65], y: [-0.45, 0.45]}", "{x: [0.50, 0.51], y: [0, 0.01]}")],
+        "block", ""),
+    "area upside down": (lambda p: ["check", p.task("x: [0.35, 0.65]", "x: [0.65, 0.35]")], "task.yaml:", ""),
+    "size of a thing is no number": (
+        lambda p: ["check", p.task("0.05, 0.05, 0.05", "a, 0.05, 0.05")], "task.yaml:", ""),
+    # --- grammars
+    "grammar with a syntax error": (
+        lambda p: ["check", p.write("g.lp", "rule(x, :- ]\n")], "g.lp:1", "error"),
+    "grammar that wants a shell": (
+        lambda p: ["check", p.write("g.lp", ':- shell("touch hacked").\n')], "g.lp:1", ""),
+    "grammar that wants a file": (
+        lambda p: ["check", p.write("g.lp", 'law(x, A, B) :- open("hacked", write, _).\n')], "g.lp:1", ""),
+    "grammar that is no text": (lambda p: ["check", p.write("g.lp", b"\xff\xfe\x00")], "g.lp", ""),
+    "unknown word in a grammar": (lambda p: ["check", p.write("g.lp", "lwa(a, b, c).\n")], "g.lp:1", ""),
+    # --- domains
+    "stranger's domain": (lambda p: ["learn", p.coins()], "outside gentamp-lp", "--trust"),
+    "domain cut short": (
+        lambda p: ["check", p.coins(domain=DOMAIN[:150]), "--trust"], "domain.pddl:", ""),
+    "domain with unknown predicate": (
+        lambda p: ["check", p.coins(domain=DOMAIN.replace("(tails ?c))\n  :eff", "(tials ?c))\n  :eff")), "--trust"],
+        "domain.pddl:3", "tials"),
+    "domain with durative action": (
+        lambda p: ["check", p.coins(domain=DOMAIN.replace(":action", ":durative-action")), "--trust"],
+        "domain.pddl:3", ""),
+    "stream with unknown predicate": (
+        lambda p: ["check", p.coins(stream=STREAM.replace("(side", "(sied")), "--trust"], "stream.pddl:2", "sied"),
+    "stream without sampler": (
+        lambda p: ["check", p.coins(code=CODE.replace('"sample-side"', '"sample"')), "--trust"],
+        "has no Python sampler", "stream.pddl:2"),
+    "domain code that fails": (
+        lambda p: ["check", p.coins(code="1 / 0\n"), "--trust"], "fails to load", "ZeroDivisionError"),
+    "domain code that lacks a hook": (
+        lambda p: ["check", p.coins(code=CODE.replace("def check_plan", "def chek_plan")), "--trust"],
+        "lacks check_plan", ""),
+    # --- bundles and plans
+    "bundle with a cut fact": (
+        lambda p: [p.edit("runs/unstack/policy.lp", "action(a1).", "action(a1"), "validate", "runs/unstack"][1:],
+        "policy.lp:", ""),
+    "bundle with unknown name": (
+        lambda p: [p.edit("runs/unstack/policy.lp", "rule(s1, a1)", "rule(s1, a9)"), "validate", "runs/unstack"][1:],
+        "policy.lp:", "a9"),
+    "bundle without features": (
+        lambda p: [(bundle(p) / "features.pl").unlink(), "validate", "runs/unstack"][1:], "features.pl", ""),
+    "bundle with a broken formula": (
+        lambda p: [p.edit("runs/unstack/features.pl", "holding(", "holdin("), "solve", "unstack", "--size", "2"][1:],
+        "features.pl:4", "no predicate holdin/1"),
+    "bundle with too many arguments": (
+        lambda p: [p.edit("runs/unstack/features.pl", "holding(v0", "holding(v0,v0"), "validate", "runs/unstack"][1:],
+        "features.pl:4", "of other arity"),
+    "bundle with half a formula": (
+        lambda p: [p.edit("runs/unstack/features.pl", "holding(v0)", "neg(holding(v0),x)"), "validate",
+                   "runs/unstack"][1:], "features.pl:4", "not a formula"),
+    "bundle that is no text": (
+        lambda p: [p.write("runs/unstack/policy.lp", b"\xff\xfe"), "validate", "runs/unstack"][1:], "policy.lp", ""),
+    "report that is no JSON": (
+        lambda p: [p.write("runs/unstack/report.json", "{"), "explain", "runs/unstack"][1:], "report.json", ""),
+    "plan that is no JSON": (lambda p: ["validate", p.write("plan.json", "{")], "plan.json:1", "JSON"),
+    "plan of an unknown format": (
+        lambda p: ["validate", p.edit("plan.json", "gentamp-lp plan 1", "plan 9")], "plan.json", "plan 9"),
+    "plan without steps": (lambda p: ["validate", p.edit("plan.json", '"steps"', '"stpes"')], "plan.json", "steps"),
+    "plan with a list as action": (
+        lambda p: ["validate", p.edit("plan.json", '"action": "pick"', '"action": ["pick"]')], "pick", ""),
+    "plan with unknown task": (
+        lambda p: ["validate", p.edit("plan.json", '"task": "unstack"', '"task": "unstock"')], "unstock", ""),
+    "plan as bundle": (lambda p: ["compile", "plan.json", "--out", "c"], "plan.json", ""),
+    "neither plan nor bundle": (lambda p: ["validate", p.write("x.txt", "hello")], "x.txt", ""),
+    # --- planning problems
+    "facts with unknown predicate": (
+        lambda p: ["synthesize", p.write("q.lp", "state(1). stat(2).\n")], "q.lp:1", "stat"),
+    "facts without end": (lambda p: ["synthesize", p.write("q.lp", "state(1). goal(\n")], "q.lp:1", ""),
+    "facts with a rule": (lambda p: ["synthesize", p.write("q.lp", "state(X) :- X = 1.\n")], "q.lp:1", ""),
+    "no facts": (lambda p: ["synthesize", p.write("q.lp", "")], "q.lp", ""),
+    "PDDL without problem": (lambda p: ["synthesize", p.write("d.pddl", DOMAIN)], "d.pddl", ""),
+    # --- places
+    "output is a file": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.write("taken", "mine")], "taken", "not replaced"),
+    "output is somebody's folder": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.write("own/notes.txt", "mine") and "own"],
+        "own", "not replaced"),
+    "plan into a file's folder": (
+        lambda p: ["solve", "unstack", "--size", "2", "-q", "--out", p.write("taken", "mine") + "/plan.json"],
+        "taken", "cannot write"),
+    "picture into a file's folder": (
+        lambda p: ["solve", "unstack", "--size", "2", "-q", "--render", p.write("taken", "mine") + "/plan.png"],
+        "taken", "cannot write"),
+    "compile into a file": (
+        lambda p: ["compile", "runs/unstack", "--out", p.write("taken", "mine")], "taken", "cannot write"),
+}  # fmt: skip
+OUTCOMES = {"scene without room": {1, 2}, "plan with a list as action": {1, 2}}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
+    make, first, second = CASES[case]
+    arguments = make(place)
+    before = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file()}
+    code, said = gentamp(monkeypatch, capsys, arguments)
+    assert code in OUTCOMES.get(case, {2}), said
+    assert first in said and second in said, said
+    after = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file() and p.suffix != ".pyc"}
+    assert after == before, f"left behind: {set(after) ^ set(before)}"
