@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import gzip
 import hashlib
-import os
-import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +19,8 @@ import platformdirs
 
 import gentamp_lp
 from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
+from gentamp_lp.errors import InputError
+from gentamp_lp.files import replacing
 from gentamp_lp.invariants import at_most_one
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
@@ -186,9 +187,9 @@ def demonstrate(
     """
     sizes = sizes or task.file.train
     file = cache_path(task, seed, robot, around, sizes)
-    if cache and file.is_file():
-        progress(f"demonstrations from the cache ({file.name})")
-        return Dataset.from_json(gzip.decompress(file.read_bytes()).decode())
+    known = _cached(file, progress) if cache and file.is_file() else None
+    if known is not None:
+        return known
     deadline = time.monotonic() + time_limit
     instances, plans = [], []
     for index, size in enumerate(sizes):
@@ -211,9 +212,20 @@ def demonstrate(
     for instance, plan in zip(instances, plans, strict=True):
         recorder.record(instance, plan)
     if cache:
-        with suppress(OSError):  # the cache saves time, nothing depends on it
-            _write(file, gzip.compress(recorder.data.to_json().encode(), 6, mtime=0))
+        with suppress(InputError), replacing(file) as beside:  # the cache saves time, nothing depends on it
+            beside.write_bytes(gzip.compress(recorder.data.to_json().encode(), 6, mtime=0))
     return recorder.data
+
+
+def _cached(file: Path, progress: Progress) -> Dataset | None:
+    """The record in the cache; None when it is damaged (gzip has a checksum)."""
+    try:
+        data = Dataset.from_json(gzip.decompress(file.read_bytes()).decode())
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        progress(f"damaged demonstrations in the cache ({file}: {error}) are planned again")
+        return None
+    progress(f"demonstrations from the cache ({file.name})")
+    return data
 
 
 def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Sequence[int | str]) -> Path:
@@ -228,10 +240,3 @@ def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Se
         "demonstrations",
         f"{task.name}-{digest.hexdigest()[:16]}.json.gz",
     )
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(content)
-    os.replace(file.name, path)

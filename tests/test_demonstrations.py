@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -130,6 +130,18 @@ def test_the_cache_is_used(unstack: Learned, cache: Path, monkeypatch: pytest.Mo
     for other in ({"seed": 1}, {"around": False}, {"robot": "gripper"}, {"cache": False}):
         with pytest.raises(AssertionError, match="nothing is planned"):
             demonstrate(unstack.task, **other)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:99] + b"xyz" + b[102:]])
+def test_a_damaged_cache_is_named_and_rebuilt(unstack: Learned, cache: Path, damage: Callable[[bytes], bytes]) -> None:
+    path = cache_path(unstack.task, 0, None, True, unstack.task.file.train)
+    right = demonstrate(unstack.task).to_json()
+    path.write_bytes(damage(path.read_bytes()))
+    told: list[str] = []
+    assert demonstrate(unstack.task, progress=told.append).to_json() == right
+    assert "damaged" in told[0] and path.name in told[0]
+    assert demonstrate(unstack.task, progress=told.append).to_json() == right
+    assert "from the cache" in told[-1]
 
 
 def test_a_cache_that_cannot_be_written_does_no_harm(
