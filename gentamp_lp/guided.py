@@ -2,102 +2,85 @@
 
 In every state the policy names one abstract action. The planner binds the arguments of the concrete actions that
 were seen with it, cheapest conditions first, and checks the abstract effect before the expensive streams (inverse
-kinematics, arm collisions) are called. Streams are drawn from lazily and their results kept; a dead end is undone
-chronologically, and when a round's budget is spent the search restarts with larger sampling limits.
+kinematics, arm collisions) are called. One state is changed in place, and feature values follow its changes. Streams
+are drawn from lazily and their results kept; where they run dry, more is drawn, then steps are undone chronologically;
+when a round's budget is spent, the search restarts with larger sampling limits.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.features import Features, matches_effects, valuation
 from gentamp_lp.policy import AbstractAction, Policy
-from gentamp_lp.streams.facts import Args, FactBase
-from gentamp_lp.streams.formula import And, Formula, atoms, conjuncts, free_variables
-from gentamp_lp.streams.incremental import quota_for, sample
-from gentamp_lp.streams.pddl import ActionSchema, Stream
-from gentamp_lp.streams.semantics import Program, State, Step, View, apply, reads
+from gentamp_lp.streams.facts import Fact, FactBase
+from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, atoms, conjuncts, free_variables, normalize
+from gentamp_lp.streams.pddl import ActionSchema, Axiom
+from gentamp_lp.streams.queries import Query, Situation
+from gentamp_lp.streams.semantics import Program, State, Step, reads
 from gentamp_lp.task import Instance
+from gentamp_lp.watches import Toggles, Watches
 
 _BACKTRACKS = 30  # per round, doubled every round
+_GROWTH = 4  # by how much sampling limits grow where samples run out, and every round
 
 
-class LazyView(View):
-    """A view that calls streams when a condition needs entities not sampled yet."""
-
-    def __init__(self, program: Program, base: FactBase, state: State, limit: Callable[[str], int]) -> None:
-        super().__init__(program, base, state)
-        self._limit = limit
-
-    def generates(self, predicate: str) -> bool:
-        """Whether unbound arguments of this predicate may be filled by calling streams."""
-        return predicate in self.base.makers
-
-    def rows(self, predicate: str, pattern: tuple[str | None, ...]) -> Iterable[Args]:
-        """Known tuples first, then new ones from the streams, one draw each in turn up to the limit."""
-        if predicate not in self.base.makers:
-            yield from super().rows(predicate, pattern)
-            return
-        yield from self._relation(predicate).matches(pattern)
-        for stream in self.base.makers[predicate]:
-            yield from self._draw(stream, predicate, pattern)
-
-    def _draw(self, stream: Stream, predicate: str, pattern: tuple[str | None, ...]) -> Iterator[Args]:
-        atom = next(a for a in stream.certified if a.predicate == predicate)
-        known = {v: p for v, p in zip(atom.args, pattern, strict=True) if p is not None}
-        if any(output in known for output in stream.outputs):
-            return  # a new entity never equals a given one
-        waiting = self._inputs(stream, known)
-        while waiting:
-            again = []
-            for inputs in waiting:
-                if self.base.drawn(stream, inputs) >= self._limit(stream.name) or self.base.exhausted(stream, inputs):
-                    continue
-                again.append(inputs)
-                outputs = self.base.draw(stream, inputs)
-                if outputs is not None:
-                    binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
-                    yield tuple(binding.get(a, a) for a in atom.args)
-            waiting = again
-
-    def _inputs(self, stream: Stream, known: dict[str, str]) -> list[Args]:
-        guard: Formula = And(stream.domain)
-        closed = View(self.program, self.base, self.state)
-        given = {v: name for v, name in known.items() if v in stream.inputs}
-        found = (tuple(b[v] for v in stream.inputs) for b in closed.solutions(guard, given))
-        return list(dict.fromkeys(found))
-
-
-@dataclass(frozen=True)
 class _Phases:
-    """A schema's precondition in two parts: what its effects depend on, and the rest."""
+    """A schema's precondition in two parts: what decides the effects, and what is looked at when these are right.
 
-    schema: ActionSchema
-    early: Formula
-    late: Formula
+    Conditions come late on parameters that no effect mentions and that only a stream can supply, and, unless features
+    run tests themselves, conditions that run tests.
+    """
 
-    @classmethod
-    def of(cls, schema: ActionSchema, precondition: Formula, base: FactBase) -> _Phases:
-        """Conditions on parameters that no effect mentions and that only a stream can supply come late."""
-        decisive = {a for e in schema.effects for a in e.atom.args} | {
-            v for e in schema.effects for v in free_variables(e.condition)
-        }
-        made = {
-            arg
-            for atom in atoms(precondition)
-            for stream in base.makers.get(atom.predicate, ())
-            for certified in stream.certified
-            if certified.predicate == atom.predicate
-            for arg, name in zip(atom.args, certified.args, strict=True)
-            if name in stream.outputs
-        }
-        postponed = made - decisive
+    def __init__(self, schema: ActionSchema, program: Program, situation: Situation, tests_late: bool) -> None:
+        base, precondition = situation.base, program.preconditions[schema.name]
+        postponed = _made(precondition, base) - _decisive(schema)
         parts = conjuncts(precondition)
-        late = tuple(p for p in parts if free_variables(p) & postponed)
-        return cls(schema, And(tuple(p for p in parts if p not in late)), And(late))
+        late = tuple(
+            part
+            for part in parts
+            if free_variables(part) & postponed or (tests_late and reads(part, program) & base.tests.keys())
+        )
+        early = And(tuple(part for part in parts if part not in late))
+        self.schema = schema
+        self.known = tuple(p for p in schema.parameters if p in free_variables(early))
+        self.early: Query = situation.query(early, (), self.known, lazy=True)
+        self.late: Query = situation.query(And(late), self.known, schema.parameters, lazy=True)
+
+
+def _decisive(schema: ActionSchema) -> set[str]:
+    """Parameters that the effects depend on."""
+    named = {a for e in schema.effects for a in e.atom.args}
+    return named | {v for e in schema.effects for v in free_variables(e.condition)}
+
+
+def _made(formula: Formula, base: FactBase) -> set[str]:
+    """Variables of a formula that stand where a stream puts new entities."""
+    return {
+        arg
+        for atom in atoms(formula)
+        for stream in base.makers.get(atom.predicate, ())
+        for certified in stream.certified
+        if certified.predicate == atom.predicate
+        for arg, name in zip(atom.args, certified.args, strict=True)
+        if name in stream.outputs
+    }
+
+
+def _unmet(goal: Formula) -> list[Axiom]:
+    """What keeps the goal from holding: for each conjunct, the entities that violate it, or that it does not hold."""
+    axioms = []
+    for number, part in enumerate(conjuncts(normalize(goal))):
+        variables, body = (part.body.variables, part.body.body) if _universal(part) else ((), Not(part))
+        axioms.append(Axiom(Atom(f"unmet-{number}", variables), body))
+    return axioms
+
+
+def _universal(formula: Formula) -> bool:
+    return isinstance(formula, Not) and isinstance(formula.body, Exists)
 
 
 @dataclass
@@ -123,6 +106,18 @@ class DeadEnd(NoAnswer):
         return self.reason
 
 
+@dataclass
+class _Move:
+    """A step that the policy allows, with what it changes."""
+
+    step: Step
+    abstract: str
+    added: list[Fact]
+    deleted: list[Fact]
+    toggles: Toggles
+    successor: State
+
+
 class GuidedPlanner:
     """Follows one policy on one instance."""
 
@@ -135,13 +130,15 @@ class GuidedPlanner:
         self.program = Program.of(domain, self.features.axioms)
         self.kinds = {f.name: f.kind for f in policy.features}
         self.actions = {a.name: a for a in policy.actions}
-        self.phases = {s.name: _Phases.of(s, self.program.preconditions[s.name], self.base) for s in domain.actions}
-        self._round = 0
+        self._round = self._growth = 1  # multiples of the task's sampling limits: of this round, at present
         self._deadline = 0.0
-        self._values: dict[tuple[State, int], dict[str, int]] = {}
         self._strays: dict[State, dict[str, int]] = {}  # state -> values of a refused successor without a rule
-        read = {p for axiom in self.features.axioms for p in reads(axiom.body, self.program)}
-        self._read = read | reads(instance.task.goal, self.program)
+        self._situation = Situation(self.program, self.base, instance.state, self.limit)
+        names = {f.name for f in policy.features}
+        self._values = Watches(self._situation, [a for a in self.features.axioms if a.head.predicate in names])
+        self._goal = Watches(self._situation, _unmet(instance.task.goal))
+        tested = {p for axiom in self.features.axioms for p in reads(axiom.body, self.program)} & self.base.tests.keys()
+        self._phases = {s.name: _Phases(s, self.program, self._situation, not tested) for s in domain.actions}
 
     def solve(self, *, time_limit: float, max_rounds: int = 8) -> GuidedResult:
         """Follow the policy from the initial state to a goal.
@@ -150,72 +147,70 @@ class GuidedPlanner:
         time limit.
         """
         self._deadline = time.monotonic() + time_limit
-        quota = quota_for(self.base, self._read, self.instance.task.file.samples)
-        sample(self.base, quota, self._deadline)  # features that quantify over samples need the task's number of them
+        self._check_time()
+        for watches in (self._values, self._goal):  # what quantifies over samples needs the task's number of them
+            watches.sample()
         failure = DeadEnd("the policy was not tried")
         total = 0
-        for self._round in range(max_rounds):
-            result, failure, backtracks = self._search(_BACKTRACKS * 2**self._round)
+        for number in range(max_rounds):
+            self._round = _GROWTH**number
+            result, failure, backtracks = self._search(_BACKTRACKS * 2**number)
             total += backtracks
             if result is not None:
-                return GuidedResult(*result, rounds=self._round + 1, backtracks=total)
+                return GuidedResult(*result, rounds=number + 1, backtracks=total)
         raise failure
 
     def limit(self, stream: str) -> int:
-        """How often a stream may be called on the same inputs in this round."""
-        return int(self.instance.task.file.samples.get(stream, 1) * 4**self._round)
+        """How often a stream may be called on the same inputs at present."""
+        return self.instance.task.file.samples.get(stream, 1) * self._growth
 
     def _check_time(self) -> None:
         if time.monotonic() > self._deadline:
             raise LimitReached("the time limit ended guided planning")
 
-    def _view(self, state: State) -> View:
-        return View(self.program, self.base, state)
-
-    def values(self, state: State) -> dict[str, int]:
-        """Feature values of a state over the entities sampled so far."""
-        key = (state, sum(len(self.base.relation(p)) for p in self._read))
-        if key not in self._values:
-            self._values[key] = self.features.values(self._view(state))
-        return self._values[key]
-
     def _search(self, budget: int) -> tuple[tuple[list[Step], list[State], list[str]] | None, DeadEnd, int]:
-        start = self.instance.state
-        goal = self.instance.task.goal
-        states = [start]
-        steps: list[Step] = []
-        names: list[str] = []
-        visited = {start}
+        states = [self.instance.state]
+        moves: list[_Move] = []
+        visited = {states[0]}
         failure = DeadEnd("no step was possible")
         deepest = -1
-        choices: list[Iterator[tuple[Step, State, str]]] = []
+        choices: list[Iterator[_Move]] = []
         backtracks = 0
         while True:
             self._check_time()
-            state = states[-1]
             if len(choices) < len(states):
-                if self._view(state).holds(goal):
-                    return (steps, states, names), failure, backtracks
-                choices.append(self._expand(state))
-            following = next((c for c in choices[-1] if c[1] not in visited), None)
+                if not any(self._goal.counts().values()):
+                    return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
+                choices.append(self._expand(states[-1]))
+            following = next((move for move in choices[-1] if move.successor not in visited), None)
             if following is not None:
-                step, successor, name = following
-                visited.add(successor)
-                steps.append(step)
-                states.append(successor)
-                names.append(name)
+                visited.add(following.successor)
+                moves.append(following)
+                states.append(following.successor)
+                self._change(following.added, following.deleted, following.toggles)
                 continue
             if len(states) > deepest:
                 deepest = len(states)
-                failure = DeadEnd(self._reason(state), state, list(states))
+                failure = DeadEnd(self._reason(states[-1]), states[-1], list(states))
             backtracks += 1
-            if len(states) == 1 or backtracks > budget:
+            if backtracks > budget or not moves:
+                while moves:
+                    self._undo(moves.pop())
                 return None, failure, backtracks
-            for stack in (choices, states, steps, names):
-                stack.pop()
+            choices.pop()
+            states.pop()
+            self._undo(moves.pop())
+
+    def _change(self, added: list[Fact], deleted: list[Fact], toggles: Toggles | None = None) -> None:
+        self._situation.change(added, deleted)
+        self._values.change(added, deleted, toggles)
+        self._goal.change(added, deleted)
+
+    def _undo(self, move: _Move) -> None:
+        self._change(move.deleted, move.added)
 
     def _reason(self, state: State) -> str:
-        values = self.values(state)
+        values = self._values.counts()
         rule = self.policy.rule_for(valuation(values))
         shown = ", ".join(f"{name}={value}" for name, value in values.items())
         if rule is None:
@@ -226,37 +221,51 @@ class GuidedPlanner:
             reason += f" and stays where the policy has a rule: there is none for {stray}"
         return reason
 
-    def _expand(self, state: State) -> Iterator[tuple[Step, State, str]]:
-        """Steps that carry out the policy's abstract action, lazily, each with its successor."""
-        rule = self.policy.rule_for(valuation(self.values(state)))
+    def _expand(self, state: State) -> Iterator[_Move]:
+        """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others."""
+        rule = self.policy.rule_for(valuation(self._values.counts()))
         if rule is None:
             return
         action = self.actions[rule.action]
         tried: set[State] = set()
-        for name in action.schemas:
-            phases = self.phases[name]
-            view = LazyView(self.program, self.base, state, self.limit)
-            for early in view.solutions(phases.early):
-                self._check_time()
-                partial = tuple(early.get(p, "") for p in phases.schema.parameters)
-                successor = apply(view, Step(name, partial))
-                if successor in tried:
-                    continue
-                if not self._acceptable(state, successor, action):
-                    tried.add(successor)
-                    continue
-                binding = {p: early[p] for p in phases.schema.parameters if p in early}
-                late = next(view.solutions(phases.late, binding), None)
-                if late is not None:
-                    tried.add(successor)
-                    yield Step(name, tuple(late[p] for p in phases.schema.parameters)), successor, action.name
+        found = False
+        for growth in (self._round, self._round * _GROWTH, self._round * _GROWTH**2):
+            self._growth = growth
+            for name in action.schemas:
+                for move in self._moves(self._phases[name], action, state, tried):
+                    found = True
+                    yield move
+                    self._growth = growth  # meanwhile other states were expanded
+            if found:
+                return
 
-    def _acceptable(self, state: State, successor: State, action: AbstractAction) -> bool:
-        """Whether the step has the abstract effect and leads where the policy knows what to do next."""
-        before, after = self.values(state), self.values(successor)
+    def _moves(self, phases: _Phases, action: AbstractAction, state: State, tried: set[State]) -> Iterator[_Move]:
+        schema = phases.schema
+        for known in phases.early.solutions():
+            self._check_time()
+            partial = dict(zip(phases.known, known, strict=True))
+            added, deleted = self._situation.effects(schema, tuple(partial.get(p, "") for p in schema.parameters))
+            successor = (state - frozenset(deleted)) | frozenset(added)
+            if successor in tried:
+                continue
+            toggles = self._accept(state, added, deleted, action)
+            if toggles is None:
+                tried.add(successor)
+                continue
+            args = next(phases.late.solutions(known), None)
+            if args is not None:
+                tried.add(successor)
+                yield _Move(Step(schema.name, args), action.name, added, deleted, toggles, successor)
+
+    def _accept(
+        self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction
+    ) -> Toggles | None:
+        """What a step changes if it has the abstract effect and leads where the policy knows what to do next."""
+        before = self._values.counts()
+        after, toggles = self._values.peek(added, deleted)
         if not matches_effects(action.effects, self.kinds, before, after):
-            return False
-        if self.policy.rule_for(valuation(after)) or self._view(successor).holds(self.instance.task.goal):
-            return True
+            return None
+        if self.policy.rule_for(valuation(after)) or not any(self._goal.peek(added, deleted)[0].values()):
+            return toggles
         self._strays[state] = after
-        return False
+        return None

@@ -31,7 +31,7 @@ class Plan:
     def of(cls, instance: Instance, steps: Sequence[Step]) -> Plan:
         """Collect what a plan needs from the instance it was found in."""
         base, code = instance.base, instance.task.folder.code
-        used = _by_dependency([a for s in steps for a in s.args], instance)
+        used = by_dependency([a for s in steps for a in s.args], instance)
         names = {id(value): name for name, value in base.values.items()}
         known = set(instance.world.values) | set(used)
         facts = [
@@ -99,7 +99,7 @@ def _seed(value: Any) -> int:
     return value
 
 
-def _by_dependency(used: list[str], instance: Instance) -> list[str]:
+def by_dependency(used: list[str], instance: Instance) -> list[str]:
     """Sampled entities after the ones their streams took as inputs, beside the ones made by the same call."""
     made = instance.base.made_by
     together: dict[object, list[str]] = {}

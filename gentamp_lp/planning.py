@@ -9,6 +9,7 @@ from typing import Any
 
 from gentamp_lp.compile import constrained_domain, original_step
 from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.floor import stream_floor
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Policy
@@ -31,6 +32,7 @@ class Solved:
     planner: str
     seconds: float
     validation_seconds: float
+    floor: float | None  # seconds, see `gentamp_lp.floor`
     plan: Plan | None
     problems: list[str]
     reason: str | None = None
@@ -61,6 +63,8 @@ class Solved:
             "problems": self.problems,
             "seconds": round(self.seconds, 4),
             "stream_seconds": round(sum(s.seconds for s in statistics.values()), 4),
+            "stream_floor": None if self.floor is None else round(self.floor, 4),
+            "floor_ratio": round(self.seconds / self.floor, 3) if self.floor else None,
             "validation_seconds": round(self.validation_seconds, 4),
             "streams": {name: {"calls": s.calls, "successes": s.successes} for name, s in statistics.items()},
             "plan_length": len(self.plan.steps) if self.plan else None,
@@ -106,11 +110,12 @@ def solve(
         reason = str(error)
     seconds = time.perf_counter() - start
     if steps is None:
-        return Solved(instance, mode, planner, seconds, 0.0, None, [], reason, limited, stuck)
+        return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck)
     start = time.perf_counter()
     plan = Plan.of(instance, steps)
     problems = validate(plan, task)
-    return Solved(instance, mode, planner, seconds, time.perf_counter() - start, plan, problems, stuck=stuck)
+    checked, floor = time.perf_counter() - start, stream_floor(instance, steps)
+    return Solved(instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck)
 
 
 def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: float) -> list[Step]:

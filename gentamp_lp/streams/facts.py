@@ -16,11 +16,11 @@ Args = tuple[str, ...]
 
 
 class Relation:
-    """The tuples of one predicate, in the order they came, indexed by argument on first use."""
+    """The tuples of one predicate, in the order they came, indexed by the arguments asked for."""
 
     def __init__(self, rows: Iterable[Args] = ()) -> None:
         self.rows: dict[Args, None] = dict.fromkeys(rows)
-        self._index: dict[int, dict[str, list[Args]]] = {}
+        self._index: dict[tuple[int, ...], dict[Args, list[Args]]] = {}
 
     def __contains__(self, args: Args) -> bool:
         return args in self.rows
@@ -33,27 +33,30 @@ class Relation:
         if args in self.rows:
             return False
         self.rows[args] = None
-        for position, table in self._index.items():
-            table.setdefault(args[position], []).append(args)
+        for positions, table in self._index.items():
+            table.setdefault(tuple(args[i] for i in positions), []).append(args)
         return True
+
+    def remove(self, args: Args) -> None:
+        """Remove a tuple that is there."""
+        del self.rows[args]
+        for positions, table in self._index.items():
+            table[tuple(args[i] for i in positions)].remove(args)
+
+    def find(self, positions: tuple[int, ...], values: Args) -> list[Args]:
+        """A new list of the tuples that have these values at these positions."""
+        if not positions:
+            return list(self.rows)
+        if positions not in self._index:
+            table = self._index[positions] = {}
+            for row in self.rows:
+                table.setdefault(tuple(row[i] for i in positions), []).append(row)
+        return list(self._index[positions].get(values, ()))
 
     def matches(self, pattern: tuple[str | None, ...]) -> list[Args]:
         """Tuples that agree with the pattern where it is not None."""
-        best: list[Args] | None = None
-        for position, value in enumerate(pattern):
-            if value is None:
-                continue
-            if position not in self._index:
-                table: dict[str, list[Args]] = {}
-                for row in self.rows:
-                    table.setdefault(row[position], []).append(row)
-                self._index[position] = table
-            found = self._index[position].get(value, [])
-            if best is None or len(found) < len(best):
-                best = found
-        if best is None:
-            return list(self.rows)
-        return [r for r in best if all(p is None or p == v for p, v in zip(pattern, r, strict=True))]
+        positions = tuple(i for i, value in enumerate(pattern) if value is not None)
+        return self.find(positions, tuple(value for value in pattern if value is not None))
 
 
 EMPTY = Relation()
@@ -113,11 +116,16 @@ class FactBase:
 
     def add(self, fact: Fact) -> bool:
         """Record a static or certified fact (and the sorts of its entities); False when it was known."""
-        if not self.static.setdefault(fact[0], Relation()).add(fact[1:]):
+        if not self._growing(fact[0]).add(fact[1:]):
             return False
         for sort, name in zip(self.sorts.get(fact[0], ()), fact[1:], strict=False):
-            self.static.setdefault(sort_predicate(sort), Relation()).add((name,))
+            self._growing(sort_predicate(sort)).add((name,))
         return True
+
+    def _growing(self, predicate: str) -> Relation:
+        if predicate not in self.static:
+            self.static[predicate] = Relation()
+        return self.static[predicate]
 
     def entities(self, sort: str) -> list[str]:
         """Entities that stand in a position of this sort in some static or certified fact."""

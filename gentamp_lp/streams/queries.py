@@ -1,0 +1,389 @@
+"""Formulas compiled into nested loops over the facts of one state that is changed in place.
+
+A `View` (module `semantics`) answers any question about any state; a `Situation` answers the same few questions about
+thousands of states that follow each other. Axioms are unfolded (recursive ones are left to a View), the order of the
+joins is fixed when a query is compiled, and variables are places in a list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import count
+from operator import itemgetter
+
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables, normalize
+from gentamp_lp.streams.pddl import ActionSchema, Stream
+from gentamp_lp.streams.semantics import Program, State, View
+
+Env = list[str]  # the value of each variable and constant of a query
+Test = Callable[[Env], bool]
+Loop = Callable[[Env], Iterator[None]]  # sets variables of the list, once for each solution
+
+_BRANCH, _GENERATE, _TEST_JOIN, _NEVER = 1e4, 1e6, 1e7, 1e9  # how late to join these
+
+
+def unfold(formula: Formula, program: Program) -> Formula:
+    """The formula without derived predicates, save recursive ones; normalized."""
+    return normalize(_unfold(normalize(formula), program, count()))
+
+
+def _unfold(formula: Formula, program: Program, fresh: Iterator[int]) -> Formula:
+    match formula:
+        case Atom(predicate, args) if predicate in program.axioms and predicate not in program.recursive:
+            bodies = []
+            for axiom in program.axioms[predicate]:
+                names = dict(zip(axiom.head.args, args, strict=True))
+                bodies.append(_unfold(_renamed(axiom.body, names, next(fresh)), program, fresh))
+            return Or(tuple(bodies)) if len(bodies) > 1 else bodies[0]
+        case Not(body):
+            return Not(_unfold(body, program, fresh))
+        case And(parts):
+            return And(tuple(_unfold(part, program, fresh) for part in parts))
+        case Or(parts):
+            return Or(tuple(_unfold(part, program, fresh) for part in parts))
+        case Exists(variables, body):
+            return Exists(variables, _unfold(body, program, fresh))
+    return formula
+
+
+def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
+    """The formula with other names, and with quantified variables that occur nowhere else."""
+    match formula:
+        case Atom():
+            return Atom(formula.predicate, bind(formula, names))
+        case Not(body):
+            return Not(_renamed(body, names, number))
+        case And(parts):
+            return And(tuple(_renamed(part, names, number) for part in parts))
+        case Or(parts):
+            return Or(tuple(_renamed(part, names, number) for part in parts))
+        case Exists(variables, body):
+            own = {v: f"{v}~{number}" for v in variables}
+            return Exists(tuple(own.values()), _renamed(body, {**names, **own}, number))
+    raise AssertionError(f"not normalized: {formula}")
+
+
+class Query:
+    """A formula compiled for a situation: its `given` variables are bound, its `wanted` ones are asked for."""
+
+    def __init__(self, situation: Situation, formula: Formula, given: Sequence[str], wanted: Sequence[str], lazy: bool):
+        self._situation, self._lazy = situation, lazy
+        self.unguarded = False  # whether some variable ranges over all entities
+        self._slots: dict[str, int] = {variable: i for i, variable in enumerate(given)}
+        self._constants: list[tuple[int, str]] = []
+        goals = list(conjuncts(unfold(formula, situation.program)))
+        self._check, self._loop = self._compile(goals, frozenset(given), frozenset(wanted))
+        self._blank = [""] * (len(self._slots) - len(given))
+        self._wanted = [self._slots[variable] for variable in wanted]
+
+    def _env(self, args: Sequence[str]) -> Env:
+        env = [*args, *self._blank]
+        for slot, constant in self._constants:
+            env[slot] = constant
+        return env
+
+    def holds(self, args: Sequence[str] = ()) -> bool:
+        """Whether there is a solution for these values of the given variables."""
+        env = self._env(args)
+        return self._check(env) and (self._loop is None or _any(self._loop)(env))
+
+    def solutions(self, args: Sequence[str] = ()) -> Iterator[Args]:
+        """Values of the wanted variables, with repetitions. The situation may change while this is suspended, if it is
+        back in the same state when it goes on.
+        """
+        env = self._env(args)
+        if self._check(env):
+            if self._loop is None:
+                yield tuple(env[slot] for slot in self._wanted)
+            else:
+                for _ in self._loop(env):
+                    yield tuple(env[slot] for slot in self._wanted)
+
+    def _slot(self, name: str) -> int:
+        if name not in self._slots:
+            self._slots[name] = len(self._slots)
+            if not name.startswith("?"):
+                self._constants.append((self._slots[name], name))
+        return self._slots[name]
+
+    def _compile(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> tuple[Test, Loop | None]:
+        """A test of all that is decided, and a loop over the rest (None when nothing is left)."""
+        goals = [part for goal in goals for part in self._flat(goal, bound)]
+        decided = [goal for goal in goals if free_variables(goal) <= bound]
+        rest = [goal for goal in goals if goal not in decided]
+        tests = [self._test(goal, bound) for goal in sorted(decided, key=self._price)]
+        loop: Loop | None = None
+        if rest and wanted <= bound:  # one solution is as good as all
+            tests.append(_any(self._scan(rest, bound, wanted)))
+        elif rest:
+            loop = self._scan(rest, bound, wanted)
+        elif not wanted <= bound:
+            loop = self._everything(min(wanted - bound), [], bound, wanted)
+        if len(tests) == 1:
+            return tests[0], loop
+        return (lambda env: all(test(env) for test in tests)) if tests else (lambda _: True), loop
+
+    def _flat(self, goal: Formula, bound: frozenset[str]) -> Iterator[Formula]:
+        if isinstance(goal, And):
+            for part in goal.parts:
+                yield from self._flat(part, bound)
+        elif isinstance(goal, Exists) and not free_variables(goal) <= bound:
+            yield from self._flat(goal.body, bound)
+        else:
+            yield goal
+
+    def _price(self, goal: Formula) -> int:
+        """Of decided conjuncts, what is looked up comes before what is computed, and that before tests."""
+        named = {atom.predicate for atom in atoms(goal)}
+        return 2 if named & self._situation.base.tests.keys() else int(not isinstance(goal, Atom))
+
+    def _test(self, goal: Formula, bound: frozenset[str]) -> Test:
+        match goal:
+            case Atom("=", (left, right)):
+                one, two = self._slot(left), self._slot(right)
+                return lambda env: env[one] == env[two]
+            case Atom(predicate, args):
+                key, contains = self._key(args), self._situation.contains(predicate)
+                return lambda env: contains(key(env))
+            case Not(body):
+                inner = self._test(body, bound)
+                return lambda env: not inner(env)
+            case Or(parts):
+                options = [self._test(part, bound) for part in parts]
+                return lambda env: any(option(env) for option in options)
+        check, _ = self._compile([goal.body if isinstance(goal, Exists) else goal], bound, frozenset())
+        return check
+
+    def _key(self, args: Args) -> Callable[[Env], Args]:
+        slots = [self._slot(arg) for arg in args]
+        if len(slots) == 1:
+            (slot,) = slots
+            return lambda env: (env[slot],)
+        return itemgetter(*slots) if slots else (lambda _: ())
+
+    def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> Loop:
+        """A loop over the cheapest of the undecided conjuncts, around the others."""
+        ranks = [self._rank(goal, bound) for goal in goals]
+        chosen = min(range(len(goals)), key=ranks.__getitem__)
+        goal, others = goals[chosen], goals[:chosen] + goals[chosen + 1 :]
+        if ranks[chosen] >= _NEVER:
+            return self._everything(min(free_variables(goal) - bound), goals, bound, wanted)
+        match goal:
+            case Atom("=", (left, right)):
+                known, new = (left, right) if left in bound or not left.startswith("?") else (right, left)
+                source = self._slot(known)
+                return self._nest(lambda env: [(env[source],)], [(0, self._slot(new))], [], others, bound | {new}, wanted)
+            case Atom(predicate, args) if predicate in self._situation.base.tests:
+                stream = self._situation.base.tests[predicate]
+                pattern = next(a.args for a in stream.certified if a.predicate == predicate)
+                names = dict(zip(pattern, args, strict=True))
+                conditions = [Atom(a.predicate, bind(a, names)) for a in stream.domain]
+                return self._guarded(conditions, goals, bound, wanted)
+            case Atom(predicate, args):
+                given = [i for i, arg in enumerate(args) if arg in bound or not arg.startswith("?")]
+                free: dict[str, int] = {}
+                same: list[tuple[int, int]] = []
+                for i, arg in enumerate(args):
+                    if i not in given:
+                        if arg in free:
+                            same.append((free[arg], i))
+                        free.setdefault(arg, i)
+                key = self._key(tuple(args[i] for i in given))
+                rows = self._situation.rows(predicate, tuple(given), len(args), self._lazy)
+                places = [(i, self._slot(arg)) for arg, i in free.items()]
+                return self._nest(lambda env: rows(key(env)), places, same, others, bound | free.keys(), wanted)
+            case Or(parts):
+                branches = [self._compile([part, *others], bound, wanted) for part in parts]
+
+                def either(env: Env) -> Iterator[None]:
+                    for check, loop in branches:
+                        if check(env):
+                            if loop is None:
+                                yield
+                            else:
+                                yield from loop(env)
+
+                return either
+        raise AssertionError(f"not normalized: {goal}")
+
+    def _guarded(
+        self, conditions: list[Atom], goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]
+    ) -> Loop:
+        """The goals, with the conditions of a test stream joined first."""
+        return self._nest(lambda _: [()], [], [], [*conditions, *goals], bound, wanted)
+
+    def _nest(
+        self,
+        rows: Callable[[Env], Iterable[Args]],
+        places: list[tuple[int, int]],
+        same: list[tuple[int, int]],
+        goals: list[Formula],
+        bound: frozenset[str],
+        wanted: frozenset[str],
+    ) -> Loop:
+        check, loop = self._compile(goals, bound, wanted)
+
+        def run(env: Env) -> Iterator[None]:
+            for row in rows(env):
+                for position, slot in places:
+                    env[slot] = row[position]
+                if same and any(row[i] != row[j] for i, j in same):
+                    continue
+                if check(env):
+                    if loop is None:
+                        yield
+                    else:
+                        yield from loop(env)
+
+        return run
+
+    def _everything(self, variable: str, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> Loop:
+        """Only negations say something of the variable: it ranges over all entities."""
+        self.unguarded = True
+        values = self._situation.base.values
+        return self._nest(
+            lambda _: [(name,) for name in values], [(0, self._slot(variable))], [], goals, bound | {variable}, wanted
+        )
+
+    def _rank(self, goal: Formula, bound: frozenset[str]) -> float:
+        match goal:
+            case Atom("=", args):
+                return _NEVER if not any(a in bound or not a.startswith("?") for a in args) else 0
+            case Atom(predicate, args):
+                if predicate in self._situation.base.tests:
+                    return _TEST_JOIN
+                size = len(self._situation.relation(predicate)) + 1
+                unbound = sum(arg.startswith("?") and arg not in bound for arg in args)
+                makes = self._lazy and predicate in self._situation.base.makers
+                return float(size ** (unbound / len(args)) + makes * _GENERATE)
+            case Not():
+                return _NEVER
+        return _BRANCH
+
+
+def _any(loop: Loop) -> Test:
+    def found(env: Env) -> bool:
+        for _ in loop(env):
+            return True
+        return False
+
+    return found
+
+
+class Situation:
+    """One state of one problem, changed in place.
+
+    `limit` says how often a stream may be called on the same inputs; lazy queries call streams up to it. Facts that
+    came last are found first: nothing stands on what was put down last.
+    """
+
+    def __init__(self, program: Program, base: FactBase, state: State, limit: Callable[[str], int] = lambda _: 0):
+        self.program, self.base, self.limit = program, base, limit
+        order = {name: i for i, name in enumerate(base.values)}
+        self._fluents = {name: Relation() for name in program.domain.fluents}
+        for fact in sorted(state, key=lambda f: (f[0], [order[a] for a in f[1:]], f)):
+            self._fluents[fact[0]].add(fact[1:])
+        self._version = 0
+        self._recursive: tuple[tuple[int, int], View] | None = None
+        self._effects: dict[str, list[tuple[bool, Atom, Query]]] = {}
+        self._inputs: dict[tuple[str, tuple[str, ...]], Query] = {}
+
+    def query(
+        self, formula: Formula, given: Sequence[str] = (), wanted: Sequence[str] = (), *, lazy: bool = False
+    ) -> Query:
+        """Compile a formula; a lazy query calls streams for entities that are not sampled yet."""
+        return Query(self, formula, given, wanted, lazy)
+
+    def state(self) -> State:
+        """The present state."""
+        return frozenset((name, *row) for name, relation in self._fluents.items() for row in relation.rows)
+
+    def change(self, added: Iterable[Fact], deleted: Iterable[Fact]) -> None:
+        """Add facts that do not hold and delete facts that do."""
+        self._version += 1
+        for fact in deleted:
+            self._fluents[fact[0]].remove(fact[1:])
+        for fact in added:
+            self._fluents[fact[0]].add(fact[1:])
+
+    def effects(self, schema: ActionSchema, args: Args) -> tuple[list[Fact], list[Fact]]:
+        """The facts that a ground action adds, of those that do not hold, and deletes, of those that do."""
+        if schema.name not in self._effects:
+            self._effects[schema.name] = [
+                (e.positive, e.atom, self.query(e.condition, schema.parameters, (*schema.parameters, *e.variables)))
+                for e in schema.effects
+            ]
+        added: dict[Fact, None] = {}
+        deleted: dict[Fact, None] = {}
+        for (positive, atom, query), effect in zip(self._effects[schema.name], schema.effects, strict=True):
+            variables = (*schema.parameters, *effect.variables)
+            for values in query.solutions(args):
+                fact = (atom.predicate, *bind(atom, dict(zip(variables, values, strict=True))))
+                (added if positive else deleted)[fact] = None
+        return (
+            [f for f in added if f[1:] not in self._fluents[f[0]]],
+            [f for f in deleted if f not in added and f[1:] in self._fluents[f[0]]],
+        )
+
+    def relation(self, predicate: str) -> Relation:
+        """The tuples of a fluent, static, certified or recursively derived predicate."""
+        if predicate in self.program.recursive:
+            version = (self._version, len(self.base.values))
+            if self._recursive is None or self._recursive[0] != version:
+                self._recursive = (version, View(self.program, self.base, self.state()))
+            return Relation(self._recursive[1].extension(predicate))
+        found = self._fluents.get(predicate)
+        return self.base.static.setdefault(predicate, Relation()) if found is None else found
+
+    def contains(self, predicate: str) -> Callable[[Args], bool]:
+        """A test whether a tuple is in a relation."""
+        if predicate in self.program.recursive:
+            return lambda args: args in self.relation(predicate)
+        rows = self.relation(predicate).rows
+        if predicate in self.base.tests:
+            truth = self.base.truth
+            return lambda args: args in rows or truth(predicate, args)
+        return rows.__contains__
+
+    def rows(
+        self, predicate: str, given: tuple[int, ...], arity: int, lazy: bool
+    ) -> Callable[[Args], Iterable[Args]]:
+        """A function from values for the `given` positions to the tuples that agree with them."""
+        if predicate in self.program.recursive:
+            return lambda key: self.relation(predicate).find(given, key)
+        relation = self.relation(predicate)
+        if predicate in self._fluents:
+            return lambda key: relation.find(given, key)[::-1]
+        if not lazy or predicate not in self.base.makers:
+            return lambda key: relation.find(given, key)
+
+        def known_then_new(key: Args) -> Iterator[Args]:
+            yield from relation.find(given, key)
+            for stream in self.base.makers[predicate]:
+                yield from self._draw(stream, predicate, dict(zip(given, key, strict=True)))
+
+        return known_then_new
+
+    def _draw(self, stream: Stream, predicate: str, pattern: dict[int, str]) -> Iterator[Args]:
+        """New tuples that agree with the pattern, one call of the stream on each inputs in turn up to the limit."""
+        atom = next(a for a in stream.certified if a.predicate == predicate)
+        known = {atom.args[i]: value for i, value in pattern.items()}
+        if any(output in known for output in stream.outputs):
+            return  # a new entity never equals a given one
+        given = tuple(v for v in stream.inputs if v in known)
+        if (stream.name, given) not in self._inputs:
+            self._inputs[stream.name, given] = self.query(And(stream.domain), given, stream.inputs, lazy=True)
+        found = self._inputs[stream.name, given].solutions([known[v] for v in given])
+        waiting = list(dict.fromkeys(found))
+        while waiting:
+            again = []
+            for inputs in waiting:
+                if self.base.drawn(stream, inputs) >= self.limit(stream.name) or self.base.exhausted(stream, inputs):
+                    continue
+                again.append(inputs)
+                outputs = self.base.draw(stream, inputs)
+                if outputs is not None:
+                    binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
+                    yield tuple(binding.get(a, a) for a in atom.args)
+            waiting = again
