@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.features import Features, matches_effects, valuation
 from gentamp_lp.policy import AbstractAction, Policy
-from gentamp_lp.streams.facts import Fact, FactBase
+from gentamp_lp.streams.facts import Args, Fact, FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, atoms, conjuncts, free_variables, normalize
 from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation
@@ -48,6 +48,7 @@ class _Phases:
         self.schema = schema
         self.known = tuple(p for p in schema.parameters if p in free_variables(early))
         self.early: Query = situation.query(early, (), self.known, lazy=True)
+        self.failed: set[Args] = set()  # values of `known` that were no use in some state
         self.late: Query = situation.query(And(late), self.known, schema.parameters, lazy=True)
 
 
@@ -241,7 +242,7 @@ class GuidedPlanner:
 
     def _moves(self, phases: _Phases, action: AbstractAction, state: State, tried: set[State]) -> Iterator[_Move]:
         schema = phases.schema
-        for known in phases.early.solutions():
+        for known in self._in_order(phases):
             self._check_time()
             partial = dict(zip(phases.known, known, strict=True))
             added, deleted = self._situation.effects(schema, tuple(partial.get(p, "") for p in schema.parameters))
@@ -251,11 +252,21 @@ class GuidedPlanner:
             toggles = self._accept(state, added, deleted, action)
             if toggles is None:
                 tried.add(successor)
-                continue
-            args = next(phases.late.solutions(known), None)
-            if args is not None:
+            elif args := next(phases.late.solutions(known), None):
                 tried.add(successor)
                 yield _Move(Step(schema.name, args), action.name, added, deleted, toggles, successor)
+                continue
+            phases.failed.add(known)
+
+    def _in_order(self, phases: _Phases) -> Iterator[Args]:
+        """Bindings of the parameters that decide the effects; those that failed in any state before come last."""
+        later = []
+        for known in phases.early.solutions():
+            if known in phases.failed:
+                later.append(known)
+            else:
+                yield known
+        yield from later
 
     def _accept(
         self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 
-from gentamp_lp.streams.facts import Args, Fact, bind, sort_predicate
+from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables
 from gentamp_lp.streams.pddl import Axiom
 from gentamp_lp.streams.queries import Query, Situation, unfold
@@ -23,12 +22,11 @@ Toggles = dict[str, list[Args]]
 
 @dataclass
 class _Watch:
-    """One formula: its extension, the query for one tuple, the occurrences by predicate."""
+    """One formula: queries for its extension and for one tuple, and the extension as it was last."""
 
     everything: Query
     member: Query
     members: dict[Args, None] = field(default_factory=dict)
-    occurrences: dict[str, list[tuple[Atom, Query]]] = field(default_factory=dict)
     recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
 
 
@@ -39,6 +37,7 @@ class Watches:
         self.situation = situation
         self._base, program = situation.base, situation.program
         self._watches: dict[str, _Watch] = {}
+        self._near: dict[str, list[tuple[str, Atom, Query]]] = {}  # predicate -> formula, where in it, what is concerned
         self._samplers: list[Query] = []
         for axiom in axioms:
             variables, body = axiom.head.args, unfold(axiom.body, program)
@@ -50,15 +49,14 @@ class Watches:
                 in_state = atom.predicate in program.domain.fluents
                 guards = tuple(part for part in beside if self._lasts(part, in_state))
                 query = situation.query(And(guards), names, variables)
-                watch.occurrences.setdefault(atom.predicate, []).append((atom, query))
+                self._near.setdefault(atom.predicate, []).append((axiom.head.predicate, atom, query))
                 if atom.predicate in self._base.makers and not tested:
                     always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
                     own = tuple(part for part in always if free_variables(part) <= set(names))
                     self._samplers.append(situation.query(And((*own, atom)), (), names, lazy=True))
             self._watches[axiom.head.predicate] = watch
-        growing = {name for watch in self._watches.values() for name in watch.occurrences}
         self._entities = 0
-        self._sizes = dict.fromkeys(sorted(growing - program.domain.fluents), 0)
+        self._sizes = dict.fromkeys(sorted(self._near.keys() - program.domain.fluents), 0)
         self._recall()
 
     def sample(self) -> None:
@@ -121,26 +119,20 @@ class Watches:
 
     def _affected(self, facts: Sequence[Fact], more: bool = False) -> Toggles:
         """The tuples whose membership is no longer right, after a change of these facts; `more` entities are known."""
-        toggles = {}
+        candidates: dict[str, dict[Args, None]] = {}
+        for fact in facts:
+            for name, atom, query in self._near.get(fact[0], ()):
+                binding = match(atom.args, fact[1:], {})
+                if binding is not None:
+                    concerned = query.solutions([v for k, v in binding.items() if k.startswith("?")])
+                    candidates.setdefault(name, {}).update(dict.fromkeys(concerned))
         for name, watch in self._watches.items():
             if (more and watch.everything.unguarded) or any(fact[0] in watch.recursive for fact in facts):
-                now = dict.fromkeys(watch.everything.solutions())
-                wrong = [row for row in {**now, **watch.members} if (row in now) != (row in watch.members)]
-            else:
-                candidates = dict.fromkeys(chain.from_iterable(self._near(watch, fact) for fact in facts))
-                wrong = [row for row in candidates if watch.member.holds(row) != (row in watch.members)]
-            if wrong:
-                toggles[name] = wrong
-        return toggles
-
-    def _near(self, watch: _Watch, fact: Fact) -> Iterator[Args]:
-        for atom, query in watch.occurrences.get(fact[0], ()):
-            binding: dict[str, str] = {}
-            for arg, value in zip(atom.args, fact[1:], strict=True):
-                if (binding.setdefault(arg, value) if arg.startswith("?") else arg) != value:
-                    break
-            else:
-                yield from query.solutions(tuple(binding.values()))
+                candidates[name] = watch.members | dict.fromkeys(watch.everything.solutions())
+        return {
+            name: [row for row in rows if self._watches[name].member.holds(row) != (row in self._watches[name].members)]
+            for name, rows in candidates.items()
+        }
 
     def _occurrences(
         self, formula: Formula, beside: tuple[Formula, ...], tested: bool = False

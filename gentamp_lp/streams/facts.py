@@ -80,6 +80,25 @@ class _Source:
     exhausted: bool = False
 
 
+@dataclass(frozen=True)
+class _Test:
+    """A test stream as seen from a predicate it decides: where among its arguments the others' are."""
+
+    stream: str
+    pattern: Args
+    inputs: tuple[int, ...]
+    domain: tuple[tuple[str, tuple[int, ...]], ...]
+    certified: tuple[tuple[str, tuple[int, ...]], ...]
+
+    @classmethod
+    def of(cls, stream: Stream, pattern: Args) -> _Test:
+        def places(atoms: Iterable[Atom]) -> tuple[tuple[str, tuple[int, ...]], ...]:
+            return tuple((atom.predicate, tuple(map(pattern.index, atom.args))) for atom in atoms)
+
+        inputs = tuple(map(pattern.index, stream.inputs))
+        return cls(stream.name, pattern, inputs, places(stream.domain), places(stream.certified))
+
+
 @dataclass
 class FactBase:
     """Everything known about one problem besides its fluents. Grows while streams are called.
@@ -99,6 +118,7 @@ class FactBase:
     def __post_init__(self) -> None:
         self.tests: dict[str, Stream] = {}
         self.makers: dict[str, list[Stream]] = {}
+        self._tests: dict[str, _Test] = {}
         self._truth: dict[Fact, bool] = {}
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
@@ -107,6 +127,7 @@ class FactBase:
             for atom in stream.certified:
                 if stream.is_test:
                     self.tests[atom.predicate] = stream
+                    self._tests[atom.predicate] = _Test.of(stream, atom.args)
                 elif stream not in self.makers.setdefault(atom.predicate, []):
                     self.makers[atom.predicate].append(stream)
 
@@ -135,33 +156,34 @@ class FactBase:
         """Whether a static or certified fact holds; tests are run on demand and remembered."""
         if args in self.relation(predicate):
             return True
-        stream = self.tests.get(predicate)
-        if stream is None:
+        test = self._tests.get(predicate)
+        if test is None:
             return False
         fact = (predicate, *args)
-        if fact not in self._truth:
-            pattern = next(atom.args for atom in stream.certified if atom.predicate == predicate)
-            binding = match(pattern, args, {})
-            if binding is None or not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+        known = self._truth.get(fact)
+        if known is None:
+            if match(test.pattern, args, {}) is None:
+                return False
+            if not all(self.truth(name, tuple(args[i] for i in places)) for name, places in test.domain):
                 return False  # not remembered: another stream may certify the conditions later
-            self._truth[fact] = self._run_test(stream, binding)
-        return self._truth[fact]
+            known = self._truth[fact] = self._run_test(test, args)
+        return known
 
     def refuted(self, predicate: str) -> Iterator[Args]:
         """Arguments on which a test predicate was tried and found false."""
         return (fact[1:] for fact, true in self._truth.items() if not true and fact[0] == predicate)
 
-    def _run_test(self, stream: Stream, binding: Mapping[str, str]) -> bool:
-        statistics = self.statistics[stream.name]
+    def _run_test(self, test: _Test, args: Args) -> bool:
+        statistics = self.statistics[test.stream]
         start = time.perf_counter()
-        row = next(iter(self.generators[stream.name](*(self.values[binding[v]] for v in stream.inputs))), None)
+        row = next(iter(self.generators[test.stream](*(self.values[args[i]] for i in test.inputs))), None)
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if row is None:
             return False
         statistics.successes += 1
-        for atom in stream.certified:
-            self.add((atom.predicate, *bind(atom, binding)))
+        for name, places in test.certified:
+            self.add((name, *(args[i] for i in places)))
         return True
 
     def inputs(self, stream: Stream) -> list[Args]:

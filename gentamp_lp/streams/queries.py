@@ -8,6 +8,7 @@ joins is fixed when a query is compiled, and variables are places in a list.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import reduce
 from itertools import count
 from operator import itemgetter
 
@@ -120,9 +121,7 @@ class Query:
             loop = self._scan(rest, bound, wanted)
         elif not wanted <= bound:
             loop = self._everything(min(wanted - bound), [], bound, wanted)
-        if len(tests) == 1:
-            return tests[0], loop
-        return (lambda env: all(test(env) for test in tests)) if tests else (lambda _: True), loop
+        return (reduce(_both, tests) if tests else lambda _: True), loop
 
     def _flat(self, goal: Formula, bound: frozenset[str]) -> Iterator[Formula]:
         if isinstance(goal, And):
@@ -260,6 +259,10 @@ class Query:
             case Not():
                 return _NEVER
         return _BRANCH
+
+
+def _both(first: Test, second: Test) -> Test:
+    return lambda env: first(env) and second(env)
 
 
 def _any(loop: Loop) -> Test:
