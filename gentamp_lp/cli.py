@@ -55,6 +55,7 @@ class Mode(StrEnum):
 
     guided = "guided"
     unguided = "unguided"
+    skeleton = "skeleton"
 
 
 TaskArg = Annotated[str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")]
@@ -206,7 +207,13 @@ def solve(
     task: TaskArg,
     size: Annotated[str, typer.Option("--size", help="Size as the paper writes it: 16, or 2-8.")],
     policy: Annotated[Path | None, typer.Option("--policy", help="Policy bundle [runs/TASK].")] = None,
-    mode: Annotated[Mode, typer.Option(help="Follow a policy, or plan without one.")] = Mode.guided,
+    mode: Annotated[
+        Mode, typer.Option(help="Follow a policy, plan without one, or plan along the action names of a known plan.")
+    ] = Mode.guided,
+    skeleton: Annotated[
+        Path | None,
+        typer.Option("--skeleton", help="Plan file whose action names to follow [a guided plan of the instance]."),
+    ] = None,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
     render: Annotated[Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")] = None,
@@ -220,6 +227,8 @@ def solve(
 
     Example: `gentamp-lp solve unstack --size 16 --seed 1 --out plan.json --render plan.gif`
     """
+    from gentamp_lp.plan import Plan
+    from gentamp_lp.planning import skeleton_of
     from gentamp_lp.planning import solve as run
     from gentamp_lp.policy import Policy
     from gentamp_lp.refinement import Failure, record
@@ -228,8 +237,12 @@ def solve(
     loaded = Task.load(task, trust=trust)
     if render is not None and render.suffix not in (".gif", ".png"):
         raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
-    guide, folder = None, policy or Path("runs", loaded.name)
-    if mode is Mode.guided:
+    guide, names, folder = None, None, policy or Path("runs", loaded.name)
+    if skeleton is not None and mode is not Mode.skeleton:
+        raise InputError(Diagnostic("a skeleton says nothing in this mode", hint="add --mode skeleton"))
+    if skeleton is not None:
+        names = [step.schema for step in Plan.load(skeleton).steps]
+    elif mode is not Mode.unguided:
         if not folder.is_dir():
             raise InputError(
                 Diagnostic(
@@ -240,7 +253,11 @@ def solve(
         guide = Policy.load(folder)
         if guide.task != loaded.name:
             raise InputError(Diagnostic(f"the policy in `{folder}` is for task `{guide.task}`, not `{loaded.name}`"))
-    result = run(loaded, size, seed, policy=guide, robot=robot, time_limit=timeout, progress=_Progress(quiet))
+    if mode is Mode.skeleton and guide is not None:
+        names, guide = skeleton_of(loaded, size, seed, guide, robot=robot), None
+    result = run(
+        loaded, size, seed, policy=guide, skeleton=names, robot=robot, time_limit=timeout, progress=_Progress(quiet)
+    )
     if result.plan is not None and out is not None:
         result.plan.save(out)
         messages.print(f"plan written to {out}")

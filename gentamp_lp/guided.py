@@ -75,13 +75,12 @@ def _unmet(goal: Formula) -> list[Axiom]:
     """What keeps the goal from holding: for each conjunct, the entities that violate it, or that it does not hold."""
     axioms = []
     for number, part in enumerate(conjuncts(normalize(goal))):
-        variables, body = (part.body.variables, part.body.body) if _universal(part) else ((), Not(part))
-        axioms.append(Axiom(Atom(f"unmet-{number}", variables), body))
+        match part:
+            case Not(Exists(variables, body)):
+                axioms.append(Axiom(Atom(f"unmet-{number}", variables), body))
+            case _:
+                axioms.append(Axiom(Atom(f"unmet-{number}", ()), Not(part)))
     return axioms
-
-
-def _universal(formula: Formula) -> bool:
-    return isinstance(formula, Not) and isinstance(formula.body, Exists)
 
 
 @dataclass
@@ -268,9 +267,7 @@ class GuidedPlanner:
                 yield known
         yield from later
 
-    def _accept(
-        self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction
-    ) -> Toggles | None:
+    def _accept(self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction) -> Toggles | None:
         """What a step changes if it has the abstract effect and leads where the policy knows what to do next."""
         before = self._values.counts()
         after, toggles = self._values.peek(added, deleted)

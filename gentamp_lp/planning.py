@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from gentamp_lp.floor import stream_floor
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Policy
+from gentamp_lp.skeleton import skeleton_domain
 from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.semantics import Program, Step
@@ -78,21 +79,25 @@ def solve(
     seed: int = 0,
     *,
     policy: Policy | None = None,
+    skeleton: Sequence[str] | None = None,
     robot: str | None = None,
     time_limit: float = 120.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Solved:
     """Plan one instance and validate the plan: guided when a policy is given, else unguided.
 
-    `time_limit` (seconds) covers planning; drawing the instance and validating the plan come on top. Raises NoAnswer
-    when the instance cannot be drawn, InputError for a bad size.
+    With a `skeleton`, the names of the plan's actions in order, only their arguments are searched for. `time_limit`
+    (seconds) covers planning; drawing the instance, validating the plan and replaying its streams come on top. Raises
+    NoAnswer when the instance cannot be drawn, InputError for a bad size or an unknown action.
     """
     instance = task.instance(size, seed, robot=robot)
-    mode = "guided" if policy else "unguided"
+    mode = "skeleton" if skeleton is not None else "guided" if policy else "unguided"
     start = time.perf_counter()
     steps, planner, reason, limited, stuck = None, mode, None, False, None
     try:
-        if policy is None:
+        if skeleton is not None:
+            steps = _along(skeleton, instance, time_limit, progress)
+        elif policy is None:
             steps = solve_incremental(
                 task.program, instance.base, instance.state, task.goal,
                 quota=task.file.samples, time_limit=time_limit, progress=progress,
@@ -116,6 +121,25 @@ def solve(
     problems = validate(plan, task)
     checked, floor = time.perf_counter() - start, stream_floor(instance, steps)
     return Solved(instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck)
+
+
+def skeleton_of(task: Task, size: int | str, seed: int, policy: Policy, *, robot: str | None = None) -> list[str]:
+    """The names of the actions of a guided plan for an instance. Raises DeadEnd when the policy finds none."""
+    found = GuidedPlanner(policy, task.instance(size, seed, robot=robot)).solve(time_limit=600.0)
+    return [step.schema for step in found.steps]
+
+
+def _along(names: Sequence[str], instance: Instance, time_limit: float, progress: Callable[[str], None]) -> list[Step]:
+    """Search for the arguments of a skeleton."""
+    task = instance.task
+    domain, goal, facts, start = skeleton_domain(task.folder.domain, task.goal, names)
+    for fact in facts:
+        instance.base.add(fact)
+    found = solve_incremental(
+        Program.of(domain), instance.base, instance.state | {start}, goal,
+        quota=task.file.samples, time_limit=time_limit, progress=progress,
+    )  # fmt: skip
+    return [Step(step.schema, step.args[:-2]) for step in found]
 
 
 def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: float) -> list[Step]:

@@ -37,7 +37,9 @@ class Watches:
         self.situation = situation
         self._base, program = situation.base, situation.program
         self._watches: dict[str, _Watch] = {}
-        self._near: dict[str, list[tuple[str, Atom, Query]]] = {}  # predicate -> formula, where in it, what is concerned
+        self._near: dict[
+            str, list[tuple[str, Atom, Query]]
+        ] = {}  # predicate -> formula, where in it, what is concerned
         self._samplers: list[Query] = []
         for axiom in axioms:
             variables, body = axiom.head.args, unfold(axiom.body, program)

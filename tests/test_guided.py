@@ -43,7 +43,10 @@ def test_plans_are_valid_and_each_step_is_the_policys(learned: Learned, seed: in
             assert precondition_holds(view, step)
             assert apply(view, step) == after
             assert not view.holds(learned.task.goal)
-            values, values_after = planner.features.values(view), planner.features.values(View(planner.program, instance.base, after))
+            values, values_after = (
+                planner.features.values(view),
+                planner.features.values(View(planner.program, instance.base, after)),
+            )
             rule = policy.rule_for(valuation(values))
             assert rule is not None and rule.action == name
             action = policy.action(name)

@@ -35,10 +35,23 @@ class _Section(BaseModel):
 
 
 class Area(_Section):
-    """A rectangle on the table."""
+    """A rectangle on the table, roomy enough for so many `things`.
+
+    Where a robot flies, more things get a table that is larger in proportion.
+    """
 
     x: Span
     y: Span
+    things: int | None = Field(None, ge=1)
+
+    def enlarged(self, things: int) -> Area:
+        """The rectangle stretched away from the origin, as much room for each of `things` as it is meant to give."""
+        stretch = np.sqrt(max(1.0, things / (self.things or things)))
+        return Area(
+            x=(self.x[0] * stretch, self.x[1] * stretch),
+            y=(self.y[0] * stretch, self.y[1] * stretch),
+            things=self.things,
+        )
 
     @model_validator(mode="after")
     def _ordered(self) -> Area:
@@ -220,8 +233,12 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
 
     Raises NoAnswer with the reason when none was found, KeyError for an unknown size parameter.
     """
-    world = World(_robot(robot), scene.supports)
-    for name, support in scene.supports.items():
+    supports = scene.supports
+    if (body := _robot(robot)).flies:
+        total = sum(_count(group.count, parameters) for group in scene.things)
+        supports = {n: s.model_copy(update={"area": s.area.enlarged(total)}) for n, s in supports.items()}
+    world = World(body, supports)
+    for name, support in supports.items():
         world.values[name] = name
         world.values[f"at_{name}"] = Placement("world", np.eye(4))
         world.static += [(trait.lower(), name) for trait in ("Surface", *support.traits)]

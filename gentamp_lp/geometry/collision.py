@@ -123,10 +123,17 @@ class Swept:
     """A fixed set of placed bodies, built once and queried often.
 
     `solid` are FCL objects, e.g. the links of a robot and a held object along a path; `space` are those that
-    count only when envelopes do.
+    count only when envelopes do. `around` are spheres that contain all of them: centres (n, 3) and radii (n,) in m;
+    what is clear of every sphere is clear of the bodies.
     """
 
-    def __init__(self, solid: Iterable[fcl.CollisionObject], space: Iterable[fcl.CollisionObject] = ()) -> None:
+    def __init__(
+        self,
+        solid: Iterable[fcl.CollisionObject],
+        space: Iterable[fcl.CollisionObject] = (),
+        around: tuple[Array, Array] | None = None,
+    ) -> None:
+        self._around = around
         self.solid = list(solid)
         self.space = list(space)
         self._managers = [m for m in (_manager(self.solid),) if m]
@@ -134,6 +141,10 @@ class Swept:
 
     def hits(self, shape: Shape, pose: Array, *, envelope: bool = True) -> bool:
         """Tell whether a placed shape overlaps any body; `envelope` counts the envelopes of both sides."""
+        if self._around is not None:
+            apart = self._around[0] - pose[:3, 3]
+            if ((apart * apart).sum(axis=1) > (self._around[1] + shape.radius) ** 2).all():
+                return False
         managers = self._with_space if envelope else self._managers
         with _Uninterrupted():
             for part in shape.volumes(envelope=envelope):

@@ -50,6 +50,8 @@ def _block(name: str, look: str, lower: tuple[float, ...], upper: tuple[float, .
 class Gripper(Robot):
     """Hand and two fingers that fly; a configuration is the tool's position and quaternion (x, y, z, w)."""
 
+    flies = True
+
     def __init__(self) -> None:
         self.name = "gripper"
         self.opening = OPENING

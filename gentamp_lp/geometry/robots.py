@@ -64,14 +64,16 @@ class Robot(ABC):
     """A robot with a parallel gripper whose base stands at the world's origin, flush with the table.
 
     Subclasses set the attributes: `name`; `opening`, the largest finger distance (m); `home`, a configuration
-    (dof,); `links`; `fixed`, how many of the first links may touch the table (they belong to the base);
-    `urdf`, a file that describes the robot, with the links `tip` (the tool frame) and `fingers`.
+    (dof,); `links`; `flies`, whether it gets everywhere; `fixed`, how many of the first links may touch the table
+    (they belong to the base); `urdf`, a file that describes the robot, with the links `tip` (the tool frame) and
+    `fingers`.
     """
 
     name: str
     opening: float
     home: Array
     links: tuple[Link, ...]
+    flies: bool = False
     fixed: int = 0
     urdf: Path | None = None
     tip: str = ""
@@ -133,16 +135,26 @@ class Robot(ABC):
             for step in frames
             for link, frame in zip(self.links, step, strict=True)
         ]
+        centres = np.concatenate(
+            [
+                f[:, :3, :3] @ link.centre + f[:, :3, 3]
+                for link, f in zip(self.links, frames.swapaxes(0, 1), strict=True)
+            ]
+        )
+        radii = np.repeat([link.radius for link in self.links], len(frames))
         if held is None:
-            return Swept(solid)
+            return Swept(solid, (), (centres, radii))
         if grasp is None:
             raise ValueError("a held object needs a grasp")
         space = []
-        for pose in self.tools(trajectory.configurations) @ inverse(grasp.tool):
+        poses = self.tools(trajectory.configurations) @ inverse(grasp.tool)
+        for pose in poses:
             solid.extend(placed(part, pose) for part in held.parts)
             if held.envelope is not None:
                 space.append(placed(held.envelope, pose))
-        return Swept(solid, space)
+        centres = np.concatenate([centres, poses[:, :3, 3]])
+        radii = np.concatenate([radii, np.full(len(poses), held.radius)])
+        return Swept(solid, space, (centres, radii))
 
     def above_table(self, frames: Array) -> bool:
         """Tell whether all moving links, posed by `frames` (n, links, 4, 4), stay above the table."""

@@ -86,6 +86,7 @@ class _Test:
 
     stream: str
     pattern: Args
+    plain: bool  # whether the pattern has different variables only, so that all arguments match it
     inputs: tuple[int, ...]
     domain: tuple[tuple[str, tuple[int, ...]], ...]
     certified: tuple[tuple[str, tuple[int, ...]], ...]
@@ -96,7 +97,8 @@ class _Test:
             return tuple((atom.predicate, tuple(map(pattern.index, atom.args))) for atom in atoms)
 
         inputs = tuple(map(pattern.index, stream.inputs))
-        return cls(stream.name, pattern, inputs, places(stream.domain), places(stream.certified))
+        plain = len(set(pattern)) == len(pattern) and all(arg.startswith("?") for arg in pattern)
+        return cls(stream.name, pattern, plain, inputs, places(stream.domain), places(stream.certified))
 
 
 @dataclass
@@ -162,10 +164,12 @@ class FactBase:
         fact = (predicate, *args)
         known = self._truth.get(fact)
         if known is None:
-            if match(test.pattern, args, {}) is None:
+            if not test.plain and match(test.pattern, args, {}) is None:
                 return False
-            if not all(self.truth(name, tuple(args[i] for i in places)) for name, places in test.domain):
-                return False  # not remembered: another stream may certify the conditions later
+            for name, places in test.domain:
+                condition = tuple([args[i] for i in places])
+                if condition not in self.relation(name) and not self.truth(name, condition):
+                    return False  # not remembered: another stream may certify the conditions later
             known = self._truth[fact] = self._run_test(test, args)
         return known
 

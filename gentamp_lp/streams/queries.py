@@ -172,7 +172,9 @@ class Query:
             case Atom("=", (left, right)):
                 known, new = (left, right) if left in bound or not left.startswith("?") else (right, left)
                 source = self._slot(known)
-                return self._nest(lambda env: [(env[source],)], [(0, self._slot(new))], [], others, bound | {new}, wanted)
+                return self._nest(
+                    lambda env: [(env[source],)], [(0, self._slot(new))], [], others, bound | {new}, wanted
+                )
             case Atom(predicate, args) if predicate in self._situation.base.tests:
                 stream = self._situation.base.tests[predicate]
                 pattern = next(a.args for a in stream.certified if a.predicate == predicate)
@@ -349,31 +351,30 @@ class Situation:
             return lambda args: args in rows or truth(predicate, args)
         return rows.__contains__
 
-    def rows(
-        self, predicate: str, given: tuple[int, ...], arity: int, lazy: bool
-    ) -> Callable[[Args], Iterable[Args]]:
+    def rows(self, predicate: str, given: tuple[int, ...], arity: int, lazy: bool) -> Callable[[Args], Iterable[Args]]:
         """A function from values for the `given` positions to the tuples that agree with them."""
         if predicate in self.program.recursive:
             return lambda key: self.relation(predicate).find(given, key)
         relation = self.relation(predicate)
         if predicate in self._fluents:
             return lambda key: relation.find(given, key)[::-1]
-        if not lazy or predicate not in self.base.makers:
+        makers = [(s, a) for s, a in self._makers(predicate) if not {a.args[i] for i in given} & set(s.outputs)]
+        if not lazy or not makers:  # a new entity never equals a given one
             return lambda key: relation.find(given, key)
 
         def known_then_new(key: Args) -> Iterator[Args]:
             yield from relation.find(given, key)
-            for stream in self.base.makers[predicate]:
-                yield from self._draw(stream, predicate, dict(zip(given, key, strict=True)))
+            for stream, atom in makers:
+                yield from self._draw(stream, atom, {atom.args[i]: value for i, value in zip(given, key, strict=True)})
 
         return known_then_new
 
-    def _draw(self, stream: Stream, predicate: str, pattern: dict[int, str]) -> Iterator[Args]:
-        """New tuples that agree with the pattern, one call of the stream on each inputs in turn up to the limit."""
-        atom = next(a for a in stream.certified if a.predicate == predicate)
-        known = {atom.args[i]: value for i, value in pattern.items()}
-        if any(output in known for output in stream.outputs):
-            return  # a new entity never equals a given one
+    def _makers(self, predicate: str) -> Iterator[tuple[Stream, Atom]]:
+        for stream in self.base.makers.get(predicate, ()):
+            yield stream, next(atom for atom in stream.certified if atom.predicate == predicate)
+
+    def _draw(self, stream: Stream, atom: Atom, known: dict[str, str]) -> Iterator[Args]:
+        """New tuples for an atom that the stream certifies, one call on each inputs in turn up to the limit."""
         given = tuple(v for v in stream.inputs if v in known)
         if (stream.name, given) not in self._inputs:
             self._inputs[stream.name, given] = self.query(And(stream.domain), given, stream.inputs, lazy=True)
