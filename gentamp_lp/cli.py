@@ -286,6 +286,90 @@ def solve(
 
 
 @app.command()
+def bench(
+    tasks: Annotated[list[str], typer.Argument(metavar="TASK...", help="Tasks, by path or by name.")],
+    modes: Annotated[str, typer.Option(help="Modes to compare, separated by commas.")] = "guided,unguided,skeleton",
+    sizes: Annotated[
+        str | None, typer.Option(help="Sizes, separated by commas [the `test` sizes of each task].")
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Problems of each size: seeds 0, 1, ...")] = 6,
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
+    out: Annotated[Path, typer.Option("--out", help="Folder of results.csv and the figure.")] = Path("runs", "bench"),
+    policies: Annotated[Path, typer.Option(help="Folder of the policy bundles, one a task.")] = Path("runs"),
+    workers: Annotated[int, typer.Option(min=1, help="Runs at a time on this machine.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler whose workers see the same files.")
+    ] = None,
+    robot: RobotOpt = None,
+    json_: JsonOpt = False,
+    quiet: QuietOpt = False,
+) -> None:
+    """Compare planning modes: a row for each run in results.csv, a figure, and the time of learning.
+
+    Each run is a process of its own with one thread and 4 GB. A table that is there is continued; Ctrl-C leaves one
+    that can be. Example: `gentamp-lp bench unstack sort --seeds 3 --sizes 2,4,8 --workers 2`
+    """
+    import numpy as np
+
+    from gentamp_lp import bench as benchmark
+    from gentamp_lp.figure import draw, require_matplotlib
+    from gentamp_lp.task import Task
+
+    require_matplotlib()
+    chosen = modes.split(",")
+    for mode in chosen:
+        if mode not in benchmark.MODES:
+            raise InputError(Diagnostic(f"unknown mode `{mode}`", hint=f"known: {', '.join(benchmark.MODES)}"))
+    jobs = []
+    loaded = [Task.load(name) for name in tasks]
+    folders = {task.name: (policies / task.name).resolve() for task in loaded}
+    for task in loaded:
+        if set(chosen) - {"unguided"} and not folders[task.name].is_dir():
+            hint = f"run `gentamp-lp learn {task.reference}` first"
+            raise InputError(Diagnostic(f"no policy in `{folders[task.name]}`", hint=hint))
+        for size in sizes.split(",") if sizes else map(str, task.file.test):
+            task.parameters(size, np.random.default_rng(0))
+            jobs += [
+                benchmark.Job(task.reference, size, seed, mode, robot or "", timeout, str(folders[task.name]))
+                for seed in range(seeds)
+                for mode in chosen
+            ]
+    table = out / "results.csv"
+    executor = benchmark.cluster(scheduler) if scheduler else benchmark.workers(workers)
+    with executor:
+        rows = benchmark.run(jobs, table, executor, _Progress(quiet))
+    cells = benchmark.summary(rows)
+    draw(cells, timeout, out / "comparison.svg")
+    learning = benchmark.learning_times(folders)
+    if json_:
+        document = {"results": str(table), "figure": str(out / "comparison.svg")}
+        _print_json({**document, "summary": [vars(cell) for cell in cells], "learning": learning})
+    else:
+        _comparison(cells, learning)
+    messages.print(f"{len(rows)} runs in {table}, figure in {out / 'comparison.svg'}", soft_wrap=True)
+
+
+def _comparison(cells: list[Any], learning: list[dict[str, Any]]) -> None:
+    """Print the summary of a benchmark, and the time of learning beside the paper's."""
+    table = Table(title="planning", title_justify="left", box=None)
+    for name in ("task", "mode", "size", "solved", "median s", "95 % of mean", "over floor", "steps"):
+        table.add_column(name, justify="left" if name in ("task", "mode", "size") else "right")
+    for c in cells:
+        ratio = "" if c.ratio is None else f"{c.ratio:.2f}"
+        interval = f"{c.low:.2f} to {c.high:.2f}"
+        steps = "" if c.plan_length is None else f"{c.plan_length:g}"
+        table.add_row(c.task, c.mode, c.size, f"{c.solved}/{c.runs}", f"{c.median:.2f}", interval, ratio, steps)
+    times = Table(title="learning, seconds without demonstrations", title_justify="left", box=None)
+    for name in ("task", "here", "paper"):
+        times.add_column(name, justify="left" if name == "task" else "right")
+    for row in learning:
+        times.add_row(row["task"], f"{row['seconds']:.2f}", "" if row["paper"] is None else f"{row['paper']:.1f}")
+    console = Console(highlight=False, width=100)
+    console.print(table)
+    console.print(times)
+
+
+@app.command()
 def synthesize(
     files: Annotated[
         list[Path],
