@@ -8,10 +8,12 @@ import json
 import os
 import platform
 import resource
+import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from statistics import mean, median, stdev
@@ -198,12 +200,8 @@ def run(
     return rows
 
 
-def workers(count: int) -> Executor:
-    """So many runs at a time on this machine."""
-    return ThreadPoolExecutor(count)
-
-
-def cluster(address: str) -> Executor:
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
     """The workers of a Dask cluster, which must see the same files. Raises InputError when it cannot be reached."""
     try:
         from distributed import Client
@@ -211,9 +209,12 @@ def cluster(address: str) -> Executor:
         hint = "pip install 'gentamp-lp[bench]'"
         raise InputError(Diagnostic("dask.distributed is not installed", hint=hint)) from None
     try:
-        return Client(address, timeout=10).get_executor()  # type: ignore[no-any-return, no-untyped-call]
+        host, port = address.removeprefix("tcp://").rsplit(":", 1)
+        socket.create_connection((host, int(port)), timeout=10).close()  # a client would go on trying in vain
     except (OSError, ValueError) as error:
         raise InputError(Diagnostic(f"no Dask scheduler at `{address}`: {error}")) from None
+    with Client(address) as client:  # type: ignore[no-untyped-call]
+        yield client.get_executor()
 
 
 @dataclass(frozen=True)

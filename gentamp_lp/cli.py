@@ -309,6 +309,8 @@ def bench(
     Each run is a process of its own with one thread and 4 GB. A table that is there is continued; Ctrl-C leaves one
     that can be. Example: `gentamp-lp bench unstack sort --seeds 3 --sizes 2,4,8 --workers 2`
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     import numpy as np
 
     from gentamp_lp import bench as benchmark
@@ -335,8 +337,7 @@ def bench(
                 for mode in chosen
             ]
     table = out / "results.csv"
-    executor = benchmark.cluster(scheduler) if scheduler else benchmark.workers(workers)
-    with executor:
+    with benchmark.cluster(scheduler) if scheduler else ThreadPoolExecutor(workers) as executor:
         rows = benchmark.run(jobs, table, executor, _Progress(quiet))
     cells = benchmark.summary(rows)
     draw(cells, timeout, out / "comparison.svg")
