@@ -58,6 +58,13 @@ class Mode(StrEnum):
     skeleton = "skeleton"
 
 
+class Encoding(StrEnum):
+    """How a policy becomes a domain."""
+
+    check = "check"
+    order = "order"
+
+
 TaskArg = Annotated[str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")]
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
@@ -595,6 +602,7 @@ def _some(entities: list[str] | None, most: int = 4) -> str:
 def compile_(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for domain.pddl and stream.pddl.")],
+    encoding: Annotated[Encoding, typer.Option(help="How the policy constrains the actions.")] = Encoding.check,
     task: Annotated[
         str | None, typer.Option("--task", help="Task of the policy, when it is not a shipped one.")
     ] = None,
@@ -603,9 +611,10 @@ def compile_(
 ) -> None:
     """Compile a (perhaps edited) policy bundle into a constrained PDDL domain.
 
-    Example: `gentamp-lp compile runs/unstack --out constrained`
+    Plans for it are to reach the task's goal and (ready). `check` tests every qualitative effect; `order` is the
+    paper's Algorithm 2 as it stands. Example: `gentamp-lp compile runs/unstack --out constrained`
     """
-    from gentamp_lp.compile import constrained_domain, to_text
+    from gentamp_lp.compile import constrained_domain, doubtful, to_text
     from gentamp_lp.files import write_text
     from gentamp_lp.policy import Policy
     from gentamp_lp.task import Task
@@ -613,12 +622,14 @@ def compile_(
     policy = Policy.load(folder)
     loaded = Task.load(task or policy.task, trust=trust)
     sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
-    domain = constrained_domain(policy, loaded.folder, sorts)
-    write_text(out / "domain.pddl", to_text(domain, policy))
+    domain = constrained_domain(policy, loaded.folder, sorts, encoding.value)
+    marks = doubtful(policy, loaded.folder)
+    write_text(out / "domain.pddl", to_text(domain, policy, marks))
     write_text(out / "stream.pddl", (loaded.folder.path / "stream.pddl").read_text(encoding="utf-8"))
     if json_:
         names = [schema.name for schema in domain.actions]
-        _print_json({"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names})
+        document = {"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names}
+        _print_json({**document, "doubtful": marks})
     else:
         _say(f"{out / 'domain.pddl'}: {len(domain.actions)} actions, {len(domain.axioms)} axioms")
 

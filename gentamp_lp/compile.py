@@ -1,7 +1,6 @@
-"""From a policy to a constrained PDDL domain that any PDDLStream planner can plan in.
+"""The policy as constrained PDDL domains.
 
-The domain keeps the original's predicates, axioms and streams and replaces its actions (paper, Algorithm 2, without
-the order facts, which are redundant because the policy is memoryless and its state is a function of the facts):
+The encoding `check` keeps everything the problem needs from streams and replaces its actions:
 
 * each feature `f` becomes a derived predicate `(f ?x)`, and `(some-f)` says that it is positive;
 * `(applies-a)` says that the policy chooses abstract action `a` in the current abstract state;
@@ -11,46 +10,68 @@ the order facts, which are redundant because the policy is memoryless and its st
 
 Invariant: whenever `(ready)` holds, `was-f` is the extension of `f`. So every plan, `check` steps removed, is a
 trajectory of the policy. A step where entities enter and leave at once is refused although its count may agree.
+
+The encoding `order` is the paper's Algorithm 2 as it stands, for comparison: a fact `order-i` for each abstract state
+of the policy's graph, and a copy of every action for each of its edges. The abstract state that an edge leads to is
+tested by what can follow; that a count falls but not to zero is not, so these plans may stand still where the policy
+may not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gentamp_lp.domain import DomainFolder
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features
-from gentamp_lp.policy import Feature, Policy
+from gentamp_lp.policy import Feature, Policy, Valuation
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, to_pddl
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Effect, Predicate
-from gentamp_lp.streams.semantics import Step
+from gentamp_lp.streams.semantics import Program, Step, reads
 
+ENCODINGS = ("check", "order")
 SEPARATOR = "--"
 _READY, _STARTED = Atom("ready", ()), Atom("started", ())
 
 
-def constrained_domain(policy: Policy, folder: DomainFolder, sorts: Mapping[str, tuple[str, ...]]) -> Domain:
-    """The constrained domain as a syntax tree; `sorts` gives the sort of every predicate's arguments."""
+def constrained_domain(
+    policy: Policy, folder: DomainFolder, sorts: Mapping[str, tuple[str, ...]], encoding: str = "check"
+) -> Domain:
+    """The constrained domain as a syntax tree; `sorts` gives the sort of every predicate's arguments.
+
+    Plans are to reach the task's goal and `(ready)`. Raises InputError when the domain uses names of the encoding.
+    """
     original = folder.domain
     _require_free_names(policy, original)
     features = Features.of(policy.features)
     heads = {axiom.head.predicate: axiom.head for axiom in features.axioms}
     axioms = [*original.axioms, *features.axioms, *_sort_axioms(features.axioms, original, sorts)]
+    axioms += [Axiom(_flag("some", feature), _exists(heads[feature.name])) for feature in policy.features]
+    actions, more = (_checking if encoding == "check" else _ordering)(policy, original, heads)
+    domain = replace(
+        original,
+        name=f"{original.name}-{policy.task}",
+        actions=tuple(actions),
+        axioms=(*axioms, *more),
+        text="",
+        path=None,
+    )
+    return replace(domain, predicates={**original.predicates, **_declare(domain, original)})
+
+
+def _checking(policy: Policy, original: Domain, heads: Mapping[str, Atom]) -> tuple[list[ActionSchema], list[Axiom]]:
+    """Actions and axioms of the encoding `check`."""
+    axioms = []
     for feature in policy.features:
         head = heads[feature.name]
         was = Atom(f"was-{feature.name}", head.args)
-        axioms.append(Axiom(_flag("some", feature), _exists(head)))
         axioms.append(Axiom(_flag("had", feature), _exists(was)))
         axioms.append(Axiom(_flag("lost", feature), _exists(And((was, Not(head))))))
         axioms.append(Axiom(_flag("gained", feature), _exists(And((head, Not(was))))))
     for action in policy.actions:
-        cases = tuple(
-            And(tuple(_literal(_flag("some", f), p) for f, p in zip(policy.features, rule.valuation, strict=True)))
-            for rule in policy.rules
-            if rule.action == action.name
-        )
+        cases = tuple(_looks(policy, rule.valuation) for rule in policy.rules if rule.action == action.name)
         axioms.append(Axiom(Atom(f"applies-{action.name}", ()), Or(cases)))
     actions = [_check("start", And((Not(_STARTED),)), policy, heads, (Effect(_STARTED, True),))]
     for action in policy.actions:
@@ -59,15 +80,47 @@ def constrained_domain(policy: Policy, folder: DomainFolder, sorts: Mapping[str,
             actions.append(_copy(original.action(name), action.name, pending))
         changes = tuple(_change(f, action.effects.get(f.name)) for f in policy.features)
         actions.append(_check(action.name, And((pending, *changes)), policy, heads, (Effect(pending, False),)))
-    domain = replace(
-        original,
-        name=f"{original.name}-{policy.task}",
-        actions=tuple(actions),
-        axioms=tuple(axioms),
-        text="",
-        path=None,
-    )
-    return replace(domain, predicates={**original.predicates, **_declare(domain, original)})
+    return actions, axioms
+
+
+def _ordering(policy: Policy, original: Domain, heads: Mapping[str, Atom]) -> tuple[list[ActionSchema], list[Axiom]]:
+    """Actions and axioms of the encoding `order`."""
+    nodes = dict.fromkeys([*policy.initial, *policy.goals, *(look for r in policy.rules for look in r.outcomes)])
+    nodes |= dict.fromkeys(rule.valuation for rule in policy.rules)
+    here = {look: Atom(f"order-{number}", ()) for number, look in enumerate(nodes)}
+    actions = []
+    for look in nodes:
+        condition = And((Not(_STARTED), _looks(policy, look)))
+        begin = (Effect(_STARTED, True), Effect(here[look], True))
+        actions.append(ActionSchema(f"check{SEPARATOR}{here[look].predicate}", (), condition, begin))
+    for rule in policy.rules:
+        for after in rule.outcomes:
+            move = {here[rule.valuation]: False} | {here[after]: True}  # an edge may lead back to where it starts
+            for schema in original.actions:
+                name = f"{schema.name}{SEPARATOR}{here[rule.valuation].predicate}-{here[after].predicate}"
+                condition = And((here[rule.valuation], _looks(policy, rule.valuation), *conjuncts(schema.precondition)))
+                effects = (*schema.effects, *(Effect(atom, positive) for atom, positive in move.items()))
+                actions.append(replace(schema, name=name, precondition=condition, effects=effects))
+    arrived = Or(tuple(And((here[look], _looks(policy, look))) for look in policy.goals))
+    return actions, [Axiom(_READY, arrived)]
+
+
+def _looks(policy: Policy, look: Valuation) -> Formula:
+    """That the state is in an abstract state."""
+    return And(tuple(_literal(_flag("some", f), p) for f, p in zip(policy.features, look, strict=True)))
+
+
+def doubtful(policy: Policy, folder: DomainFolder) -> dict[str, list[str]]:
+    """Features that read predicates of test streams, with these predicates.
+
+    The optimistic algorithms of PDDLStream (adaptive, binding, focused) assume that tests succeed, and evaluate again
+    only those that a plan's actions name: below an axiom's negation they return wrong plans, or none.
+    """
+    features = Features.of(policy.features)
+    program = Program.of(folder.domain, features.axioms)
+    tests = {atom.predicate for stream in folder.streams if stream.is_test for atom in stream.certified}
+    found = {f.name: sorted(reads(program.axioms[f.name][0].body, program) & tests) for f in policy.features}
+    return {name: predicates for name, predicates in found.items() if predicates}
 
 
 def _require_free_names(policy: Policy, domain: Domain) -> None:
@@ -76,18 +129,22 @@ def _require_free_names(policy: Policy, domain: Domain) -> None:
     taken = {"ready", "started", *features}
     taken |= {f"{kind}-{f}" for kind in ("some", "had", "was", "lost", "gained") for f in features}
     taken |= {f"{kind}-{a.name}" for kind in ("applies", "pending") for a in policy.actions}
-    clashes = sorted(taken & domain.predicates.keys())
+    clashes = sorted(name for name in domain.predicates if name in taken or name.startswith("order-"))
     clashes += [a.name for a in domain.actions if a.name == "check" or SEPARATOR in a.name]
     if clashes:
         hint = "rename it: constrained domains use this name themselves"
         raise InputError(Diagnostic(f"`{clashes[0]}` cannot be a name of the domain", domain.path, hint=hint))
 
 
-def to_text(domain: Domain, policy: Policy) -> str:
-    """The constrained domain as PDDL, with the features spelled out in comments."""
+def to_text(domain: Domain, policy: Policy, marks: Mapping[str, Sequence[str]] | None = None) -> str:
+    """The constrained domain as PDDL, with the features, and `marks` of doubtful ones, spelled out in comments."""
     lines = [f"; Constrained domain of the policy for `{policy.task}`, generated by gentamp-lp."]
     lines += ["; Plan to the task's goal and (ready); drop the check steps and what follows `--` in the others."]
-    lines += [f"; {f.name} ({f.kind}): {f.text}" for f in policy.features]
+    for feature in policy.features:
+        lines.append(f"; {feature.name} ({feature.kind}): {feature.text}")
+        if marks and feature.name in marks:
+            tests = ", ".join(domain.predicates[name].spelling for name in marks[feature.name])
+            lines.append(f";   reads tests ({tests}): use an incremental algorithm; optimistic ones treat it unsoundly")
     lines.append(f"(define (domain {domain.name})")
     lines.append("  (:requirements :adl :derived-predicates)")
     if domain.constants:

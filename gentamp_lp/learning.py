@@ -13,7 +13,7 @@ from typing import Any
 
 import gentamp_lp
 from gentamp_lp.abstraction import NoPolicy, Solution, synthesize_policy
-from gentamp_lp.compile import constrained_domain, to_text
+from gentamp_lp.compile import constrained_domain, doubtful, to_text
 from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
 from gentamp_lp.errors import LimitReached, NoAnswer
@@ -225,7 +225,7 @@ def learn(
     with clock.stage("compilation"):
         sorts = {name: tuple(s) for name, s in data.predicates.items()}
         domain = constrained_domain(learned.policy, task.folder, sorts)
-        learned.domain_pddl = to_text(domain, learned.policy)
+        learned.domain_pddl = to_text(domain, learned.policy, doubtful(learned.policy, task.folder))
         learned.stream_pddl = (task.folder.path / "stream.pddl").read_text(encoding="utf-8")
     learned.rounds, learned.notes, learned.settings, learned.refined_on = rounds, notes, settings, failures
     return learned

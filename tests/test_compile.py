@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gentamp_lp.compile import constrained_domain, original_step, to_text
+from gentamp_lp.compile import constrained_domain, doubtful, original_step, to_text
 from gentamp_lp.features import Features, valuation
 from gentamp_lp.learning import Learned
 from gentamp_lp.planning import solve
@@ -67,7 +67,7 @@ def test_our_parser_reads_what_is_written(learned: Learned) -> None:
     assert {a.head for a in again.axioms} == {a.head for a in domain.axioms}
     assert [a.precondition for a in again.actions] == [a.precondition for a in domain.actions]
     assert [a.body for a in again.axioms] == [a.body for a in domain.axioms]
-    assert to_text(domain, learned.policy) == learned.domain_pddl
+    assert to_text(domain, learned.policy, doubtful(learned.policy, learned.task.folder)) == learned.domain_pddl
     for ours, read in zip(domain.actions, again.actions, strict=True):
         for one, two in zip(ours.effects, read.effects, strict=True):
             assert replace(one, condition=TRUE) == replace(two, condition=TRUE)
@@ -197,6 +197,78 @@ def test_a_refused_step_is_a_dead_end(case: Case) -> None:
     if case.learned.task.name == "unstack":
         return
     assert allowed
+
+
+# ---- The same of the paper's own encoding, and whole plans of both
+
+
+def ordered(case: Case) -> Program:
+    policy, folder = case.learned.policy, case.learned.task.folder
+    return Program.of(constrained_domain(policy, folder, sorts_of(policy), "order"))
+
+
+def look(case: Case, state: State) -> tuple[bool, ...]:
+    return tuple(bool(rows) for rows in extensions(case, state).values())
+
+
+def order_steps(case: Case, state: State) -> Iterator[tuple[Step, State]]:
+    """Algorithm 2: any step from where a rule applies to where one of its edges leads."""
+    rule = case.learned.policy.rule_for(look(case, state))
+    if rule is not None:
+        view = View(case.original, case.instance.base, state)
+        for step in applicable(view):
+            successor = apply(view, step)
+            if look(case, successor) in rule.outcomes:
+                yield step, successor
+
+
+def plans_by(case: Case, follow, state: State, depth: int) -> Iterator[tuple[Step, ...]]:
+    """All plans of up to so many steps, by the definition of what follows the policy."""
+    if View(case.original, case.instance.base, state).holds(case.learned.task.goal):
+        yield ()
+    for step, successor in follow(case, state) if depth else ():
+        yield from ((step, *rest) for rest in plans_by(case, follow, successor, depth - 1))
+
+
+def plans_in(case: Case, program: Program, state: State, depth: int) -> Iterator[tuple[Step, ...]]:
+    """The same in a constrained domain; bookkeeping does not count."""
+    view = View(program, case.instance.base, state)
+    if view.holds(And((case.learned.task.goal, Atom("ready", ())))):
+        yield ()
+    for step in applicable(view):
+        own = original_step(step)
+        if own is None or depth:
+            for rest in plans_in(case, program, apply(view, step), depth - (own is not None)):
+                yield rest if own is None else (own, *rest)
+
+
+@pytest.mark.parametrize("encoding", ["check", "order"])
+def test_plans_of_the_constrained_domain_are_those_that_follow_the_policy(case: Case, encoding: str) -> None:
+    """Algorithm 2 also wants to end in an abstract goal; no plan of these problems ends elsewhere."""
+    program, follow = {"check": (case.constrained, policy_steps), "order": (ordered(case), order_steps)}[encoding]
+    depth = {"3": 4, "4": 4, "1-2": 3, "2-2": 5}[case.instance.size]
+    wanted = set(plans_by(case, follow, case.instance.state, depth))
+    assert wanted and set(plans_in(case, program, case.instance.state, depth)) == wanted
+
+
+def test_the_papers_encoding_copies_every_action_for_every_edge(load: Learned) -> None:
+    names = {"check": set(), "order": set()}
+    for encoding, found in names.items():
+        domain = constrained_domain(load.policy, load.task.folder, sorts_of(load.policy), encoding)
+        found |= {action.name for action in domain.actions}
+    edges = sum(len(rule.outcomes) for rule in load.policy.rules)
+    assert len([name for name in names["order"] if not name.startswith("check")]) == edges * 2
+    assert len([name for name in names["check"] if not name.startswith("check")]) == len(load.policy.actions)
+
+
+def test_features_that_read_tests_are_marked(unstack: Learned, load: Learned) -> None:
+    assert doubtful(unstack.policy, unstack.task.folder) == {}
+    assert "optimistic" not in unstack.domain_pddl
+    marks = doubtful(load.policy, load.task.folder)
+    assert set(map(tuple, marks.values())) == {("cfree",)}
+    (name,) = marks
+    feature = next(f for f in load.policy.features if f.name == name)
+    assert f"; {name} (numeric): {feature.text}\n;   reads tests (CFree): use an incremental" in load.domain_pddl
 
 
 # ---- Planning in it
