@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any
 
 from gentamp_lp.streams.formula import Atom
@@ -82,23 +83,25 @@ class _Source:
 
 @dataclass(frozen=True)
 class _Test:
-    """A test stream as seen from a predicate it decides: where among its arguments the others' are."""
+    """A test stream as seen from a predicate it decides: how the others' arguments are taken from its own."""
 
     stream: str
     pattern: Args
     plain: bool  # whether the pattern has different variables only, so that all arguments match it
-    inputs: tuple[int, ...]
-    domain: tuple[tuple[str, tuple[int, ...]], ...]
-    certified: tuple[tuple[str, tuple[int, ...]], ...]
+    inputs: Callable[[Args], Args]
+    domain: tuple[tuple[str, Callable[[Args], Args]], ...]
+    certified: tuple[tuple[str, Callable[[Args], Args]], ...]
 
     @classmethod
     def of(cls, stream: Stream, pattern: Args) -> _Test:
-        def places(atoms: Iterable[Atom]) -> tuple[tuple[str, tuple[int, ...]], ...]:
-            return tuple((atom.predicate, tuple(map(pattern.index, atom.args))) for atom in atoms)
+        def taken(names: Args) -> Callable[[Args], Args]:
+            places = [pattern.index(name) for name in names]
+            return itemgetter(*places) if len(places) > 1 else lambda args: tuple(args[i] for i in places)
 
-        inputs = tuple(map(pattern.index, stream.inputs))
         plain = len(set(pattern)) == len(pattern) and all(arg.startswith("?") for arg in pattern)
-        return cls(stream.name, pattern, plain, inputs, places(stream.domain), places(stream.certified))
+        domain = tuple((atom.predicate, taken(atom.args)) for atom in stream.domain)
+        certified = tuple((atom.predicate, taken(atom.args)) for atom in stream.certified)
+        return cls(stream.name, pattern, plain, taken(stream.inputs), domain, certified)
 
 
 @dataclass
@@ -166,8 +169,8 @@ class FactBase:
         if known is None:
             if not test.plain and match(test.pattern, args, {}) is None:
                 return False
-            for name, places in test.domain:
-                condition = tuple([args[i] for i in places])
+            for name, take in test.domain:
+                condition = take(args)
                 if condition not in self.relation(name) and not self.truth(name, condition):
                     return False  # not remembered: another stream may certify the conditions later
             known = self._truth[fact] = self._run_test(test, args)
@@ -180,14 +183,14 @@ class FactBase:
     def _run_test(self, test: _Test, args: Args) -> bool:
         statistics = self.statistics[test.stream]
         start = time.perf_counter()
-        row = next(iter(self.generators[test.stream](*(self.values[args[i]] for i in test.inputs))), None)
+        row = next(iter(self.generators[test.stream](*map(self.values.__getitem__, test.inputs(args)))), None)
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if row is None:
             return False
         statistics.successes += 1
-        for name, places in test.certified:
-            self.add((name, *(args[i] for i in places)))
+        for name, take in test.certified:  # the stream's conditions have told the sorts of its inputs
+            self._growing(name).add(take(args))
         return True
 
     def inputs(self, stream: Stream) -> list[Args]:
