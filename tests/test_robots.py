@@ -10,7 +10,7 @@ import pytest
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.geometry.bullet import Bullet
-from gentamp_lp.geometry.collision import collide, hits_table
+from gentamp_lp.geometry.collision import Swept, collide, hits_table
 from gentamp_lp.geometry.gripper import approach_poses
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.panda import MAX_STEP
@@ -264,3 +264,20 @@ def test_gripper_is_fast():
         trajectory = robot.reach(pose(0.4, 0.1, GAP) @ grasp.tool, grasp.opening, rng)
         robot.swept(trajectory, CUBE, grasp)
     assert (time.perf_counter() - begin) / 100 < 0.005  # ten times the measured time
+
+
+def test_spheres_around_what_is_swept_change_no_answer(robot):
+    rng = np.random.default_rng(4)
+    held = box(0.05, 0.05, 0.06)
+    grasp = next(iter(robot.grasps(held)))
+    place = pose(0.5, 0.1, 0.031)
+    trajectory = robot.reach(place @ grasp.tool, grasp.opening, rng)
+    assert trajectory is not None
+    for swept in (robot.swept(trajectory), robot.swept(trajectory, held, grasp)):
+        bare = Swept(swept.solid, swept.space)
+        answers = []
+        for _ in range(300):
+            there = pose(*rng.uniform((0.1, -0.5, 0.0), (0.9, 0.7, 0.5)), rng.uniform(-3, 3))
+            answers.append(bare.hits(CUBE, there))
+            assert swept.hits(CUBE, there) == answers[-1]
+        assert 0 < sum(answers) < 300

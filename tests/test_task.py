@@ -136,3 +136,18 @@ def test_streams_and_samplers_must_agree(tmp_path):
     messages = [d.message for d in caught.value.diagnostics]
     assert messages == ["stream `test-free` has no Python sampler", "sampler `test-cfree` is not declared"]
     assert caught.value.diagnostics[0].line
+
+
+@pytest.mark.parametrize(
+    ("task", "size", "stretch"), [("unstack", "64", 2.0), ("sort", "32-32", 2.0), ("sort", "4-4", 1)]
+)
+def test_a_robot_that_flies_gets_a_larger_table_for_more_things(task, size, stretch):
+    loaded = Task.load(task)
+    flying = loaded.instance(size, 0, robot="gripper").world.supports
+    for name, support in loaded.scene.supports.items():
+        assert np.allclose(
+            [flying[name].area.x, flying[name].area.y], np.array([support.area.x, support.area.y]) * stretch
+        )
+    assert (
+        loaded.instance("2" if task == "unstack" else "2-2", 0, robot="panda").world.supports == loaded.scene.supports
+    )

@@ -134,6 +134,9 @@ class Swept:
         around: tuple[Array, Array] | None = None,
     ) -> None:
         self._around = around
+        if around is not None:
+            self._centre = around[0].mean(axis=0)
+            self._radius = float((np.linalg.norm(around[0] - self._centre, axis=1) + around[1]).max())
         self.solid = list(solid)
         self.space = list(space)
         self._managers = [m for m in (_manager(self.solid),) if m]
@@ -142,6 +145,9 @@ class Swept:
     def hits(self, shape: Shape, pose: Array, *, envelope: bool = True) -> bool:
         """Tell whether a placed shape overlaps any body; `envelope` counts the envelopes of both sides."""
         if self._around is not None:
+            x, y, z = (pose[:3, 3] - self._centre).tolist()
+            if x * x + y * y + z * z > (self._radius + shape.radius) ** 2:
+                return False
             apart = self._around[0] - pose[:3, 3]
             if ((apart * apart).sum(axis=1) > (self._around[1] + shape.radius) ** 2).all():
                 return False
