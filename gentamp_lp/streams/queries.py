@@ -376,6 +376,8 @@ class Situation:
     def _draw(self, stream: Stream, atom: Atom, known: dict[str, str]) -> Iterator[Args]:
         """New tuples for an atom that the stream certifies, one call on each inputs in turn up to the limit."""
         given = tuple(v for v in stream.inputs if v in known)
+        if given == stream.inputs and self._spent(stream, tuple(known[v] for v in given)):
+            return
         if (stream.name, given) not in self._inputs:
             self._inputs[stream.name, given] = self.query(And(stream.domain), given, stream.inputs, lazy=True)
         found = self._inputs[stream.name, given].solutions([known[v] for v in given])
@@ -383,7 +385,7 @@ class Situation:
         while waiting:
             again = []
             for inputs in waiting:
-                if self.base.drawn(stream, inputs) >= self.limit(stream.name) or self.base.exhausted(stream, inputs):
+                if self._spent(stream, inputs):
                     continue
                 again.append(inputs)
                 outputs = self.base.draw(stream, inputs)
@@ -391,3 +393,6 @@ class Situation:
                     binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
                     yield tuple(binding.get(a, a) for a in atom.args)
             waiting = again
+
+    def _spent(self, stream: Stream, inputs: Args) -> bool:
+        return self.base.drawn(stream, inputs) >= self.limit(stream.name) or self.base.exhausted(stream, inputs)
