@@ -22,7 +22,7 @@ from scipy.stats import t as student
 
 from gentamp_lp import __version__
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.plan import write_text
+from gentamp_lp.files import write_text
 
 MODES = ("guided", "unguided", "skeleton")
 MEMORY = 4 * 1024**3  # bytes of address space for a run, as in the paper

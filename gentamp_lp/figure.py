@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gentamp_lp.bench import Cell, size_key
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.files import replacing
 
 _COLOURS = {"guided": "tab:blue", "unguided": "tab:orange", "skeleton": "tab:green"}
 
@@ -43,5 +44,5 @@ def draw(cells: Sequence[Cell], timeout: float, path: Path) -> None:
     first = figure.axes[0]
     first.set_ylabel("seconds (mean, 95 % interval)")
     first.legend(fontsize=7)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:])

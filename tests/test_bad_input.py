@@ -192,7 +192,7 @@ CASES = {
         lambda p: ["learn", p.write(YAML, UNSTACK + "grammar: [no.lp]\n")], "no.lp", ""),
     "scene with a typo": (lambda p: ["learn", p.task("shapes:", "shape:")], "shape", "task.yaml:"),
     "scene without room": (
-        lambda p: ["check", p.task("{x: [0.35, 0.65], y: [-0.45, 0.45]}", "{x: [0.50, 0.51], y: [0, 0.01]}")],
+        lambda p: ["check", p.task("x: [0.35, 0.65], y: [-0.45, 0.45]", "x: [0.50, 0.51], y: [0, 0.01]")],
         "block", ""),
     "area upside down": (lambda p: ["check", p.task("x: [0.35, 0.65]", "x: [0.65, 0.35]")], "task.yaml:", ""),
     "size of a thing is no number": (
