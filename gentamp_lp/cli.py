@@ -65,6 +65,20 @@ class Encoding(StrEnum):
     order = "order"
 
 
+class Algorithm(StrEnum):
+    """How sampling and search take turns in unguided planning."""
+
+    incremental = "incremental"
+    adaptive = "adaptive"
+
+
+class PlanningEngine(StrEnum):
+    """Who plans."""
+
+    embedded = "embedded"
+    pddlstream = "pddlstream"
+
+
 TaskArg = Annotated[str, typer.Argument(metavar="TASK", help="Path of a task file, or the name of a shipped task.")]
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
@@ -221,6 +235,13 @@ def solve(
         Path | None,
         typer.Option("--skeleton", help="Plan file whose action names to follow [a guided plan of the instance]."),
     ] = None,
+    algorithm: Annotated[
+        Algorithm | None,
+        typer.Option(help="Unguided: sample what a plan needs, or everything [the latter if the goal is about it]."),
+    ] = None,
+    engine: Annotated[
+        PlanningEngine, typer.Option(help="Unguided: this tool, or the original PDDLStream.")
+    ] = PlanningEngine.embedded,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
     render: Annotated[Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")] = None,
@@ -263,7 +284,16 @@ def solve(
     if mode is Mode.skeleton and guide is not None:
         names, guide = skeleton_of(loaded, size, seed, guide, robot=robot), None
     result = run(
-        loaded, size, seed, policy=guide, skeleton=names, robot=robot, time_limit=timeout, progress=_Progress(quiet)
+        loaded,
+        size,
+        seed,
+        policy=guide,
+        skeleton=names,
+        robot=robot,
+        time_limit=timeout,
+        progress=_Progress(quiet),
+        algorithm=algorithm and algorithm.value,
+        engine=engine.value,
     )
     if result.plan is not None and out is not None:
         result.plan.save(out)

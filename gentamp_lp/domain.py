@@ -60,9 +60,9 @@ def load_domain(name: str, beside: Path | None = None, *, trust: bool = False) -
 
 def check_stream_map(folder: DomainFolder, generators: Mapping[str, Any]) -> None:
     """Compare the declared streams with the ones that have Python code. Raises InputError."""
-    declared = {s.name for s in folder.streams}
+    declared = {s.name for s in folder.streams if s.kind != "rule"}
     problems = []
-    for stream in folder.streams:
+    for stream in (s for s in folder.streams if s.kind != "rule"):
         if stream.name not in generators:
             hint = f"add it to `stream_map` in {folder.path.name}, or remove the declaration"
             problems.append(

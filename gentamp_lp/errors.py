@@ -50,6 +50,10 @@ class LimitReached(GentampError):
     exit_code = 3
 
 
+class MemoryLimitReached(LimitReached):
+    """The limit that ended the work was memory."""
+
+
 class SolverError(GentampError):
     """An outside program failed in a way that is neither an answer nor a limit."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gentamp_lp.compile import constrained_domain, original_step
-from gentamp_lp.errors import LimitReached, NoAnswer
+from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
 from gentamp_lp.floor import stream_floor
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.plan import Plan
@@ -18,6 +18,7 @@ from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.task import Instance, Task
+from gentamp_lp.unguided import choose, plan_unguided
 from gentamp_lp.validate import validate
 
 
@@ -39,6 +40,7 @@ class Solved:
     reason: str | None = None
     limited: bool = False
     stuck: str | None = None
+    engine: str = "embedded"
 
     @property
     def valid(self) -> bool:
@@ -55,7 +57,7 @@ class Solved:
             "seed": self.instance.seed,
             "robot": self.instance.robot,
             "mode": self.mode,
-            "engine": "embedded",
+            "engine": self.engine,
             "planner": self.planner,
             "solved": self.plan is not None,
             "valid": self.valid,
@@ -81,6 +83,8 @@ def solve(
     policy: Policy | None = None,
     skeleton: Sequence[str] | None = None,
     robot: str | None = None,
+    algorithm: str | None = None,
+    engine: str = "embedded",
     time_limit: float = 120.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Solved:
@@ -88,20 +92,21 @@ def solve(
 
     With a `skeleton`, the names of the plan's actions in order, only their arguments are searched for. `time_limit`
     (seconds) covers planning; drawing the instance, validating the plan and replaying its streams come on top. Raises
-    NoAnswer when the instance cannot be drawn, InputError for a bad size or an unknown action.
+    NoAnswer when the instance cannot be drawn, InputError for a bad size or an unknown action. Without a policy,
+    `algorithm` and `engine` say how.
     """
+    if policy is not None and engine != "embedded":
+        raise InputError(Diagnostic("only the embedded engine follows policies", hint="add --mode unguided"))
     instance = task.instance(size, seed, robot=robot)
     mode = "skeleton" if skeleton is not None else "guided" if policy else "unguided"
     start = time.perf_counter()
-    steps, planner, reason, limited, stuck = None, mode, None, False, None
+    steps, reason, limited, stuck = None, None, False, None
+    planner = mode if policy or skeleton is not None else algorithm or choose(instance)
     try:
         if skeleton is not None:
             steps = _along(skeleton, instance, time_limit, progress)
         elif policy is None:
-            steps = solve_incremental(
-                task.program, instance.base, instance.state, task.goal,
-                quota=task.file.samples, time_limit=time_limit, progress=progress,
-            )  # fmt: skip
+            steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
         else:
             try:
                 steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
@@ -115,12 +120,12 @@ def solve(
         reason = str(error)
     seconds = time.perf_counter() - start
     if steps is None:
-        return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck)
+        return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine)
     start = time.perf_counter()
     plan = Plan.of(instance, steps)
     problems = validate(plan, task)
     checked, floor = time.perf_counter() - start, stream_floor(instance, steps)
-    return Solved(instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck)
+    return Solved(instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck, engine=engine)
 
 
 def skeleton_of(task: Task, size: int | str, seed: int, policy: Policy, *, robot: str | None = None) -> list[str]:

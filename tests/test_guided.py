@@ -118,7 +118,7 @@ def test_time_limit(unstack: Learned, limit: float) -> None:
 
 def test_unguided_planning_is_valid_and_limited_too(unstack: Learned) -> None:
     result = solve(unstack.task, 3, 1, robot="gripper", time_limit=30)
-    assert result.mode == result.planner == "unguided" and result.valid
+    assert (result.mode, result.planner) == ("unguided", "adaptive") and result.valid
     result = solve(unstack.task, 8, 1, robot="gripper", time_limit=1e-3)
     assert result.limited and not result.valid
 

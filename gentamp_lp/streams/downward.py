@@ -8,6 +8,7 @@ A test predicate used under negation is sent as its complement (`no-cfree` facts
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import random
 import re
@@ -22,7 +23,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
+from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import (
     And,
@@ -49,7 +50,28 @@ SEARCHES = (
     "lazy_greedy([goalcount()])",
 )
 _SHARES = (0.5, 0.7, 1.0)
-_SOLVED, _UNSOLVABLE, _OUT_OF_MEMORY, _OUT_OF_TIME = {0, 1, 2, 3}, {10, 11, 12}, {20, 22}, {21, 23, 24}
+COST_SCALE = 1000  # Fast Downward counts costs in whole numbers
+#: The planner names of PDDLStream. `lmcut` cannot handle derived predicates, so hmax takes its place.
+PLANNERS = {
+    "dijkstra": "astar(blind())",
+    "max-astar": "astar(hmax())",
+    "lmcut-astar": "astar(hmax())",
+    "ff-astar": "astar(ff())",
+    "ff-eager": "eager_greedy([ff()])",
+    "ff-eager-pref": "eager_greedy([ff()],preferred=[ff()])",
+    "ff-lazy": "lazy_greedy([ff()],preferred=[ff()])",
+    "goal-lazy": "lazy_greedy([goalcount()])",
+    "add-random-lazy": "lazy_greedy([add()],preferred=[add()],randomize_successors=true)",
+    "ff-eager-tiebreak": "eager(tiebreaking([ff(),g()]),reopen_closed=false)",
+    "ff-lazy-tiebreak": "lazy(tiebreaking([ff(),g()]),reopen_closed=false)",
+    "ff-ehc": "ehc(ff(),preferred=[ff()])",
+    **{f"ff-wastar{w}": f"lazy_wastar([ff()],preferred=[ff()],w={w})" for w in range(1, 6)},
+    **{f"cea-wastar{w}": f"lazy_wastar([cea()],preferred=[cea()],w={w})" for w in range(1, 6)},
+    **{f"ff-astar{w}": f"eager_wastar([ff()],w={w})" for w in range(1, 6)},
+}
+_SOLVED, _UNSOLVABLE, _OUT_OF_MEMORY, _OUT_OF_TIME = {0, 1, 2, 3}, {10, 11, 12, 13}, {20, 22}, {21, 23, 24}
+_NO_MEMORY = re.compile(r"MemoryError|emergency_memory|failed to map segment|bad_alloc")  # died before it could say so
+_INCOMPLETE = 12  # the search space is exhausted, but the search prunes unsafely
 
 
 def binary() -> Path:
@@ -71,11 +93,15 @@ def search(
     time_limit: float,
     searches: tuple[str, ...] = SEARCHES,
     seed: int | None = None,
+    memory_limit: int = MEMORY_LIMIT,
+    max_cost: float = math.inf,
+    unit_costs: bool = False,
+    exact: bool = False,
 ) -> list[Step] | None:
-    """Plan over the facts known so far; None when these do not admit a plan.
+    """Plan over the facts known so far; None when these do not admit a plan of at most `max_cost`.
 
     Fast Downward breaks ties by name. With a `seed`, entities get other names at random, so that which of several like
-    things comes first says nothing.
+    things comes first says nothing. See `write_problem` for `exact`. `memory_limit` is in bytes.
 
     Raises LimitReached when every search hit the time or memory limit, SolverError when Fast Downward fails.
     """
@@ -83,33 +109,48 @@ def search(
     with tempfile.TemporaryDirectory(prefix="gentamp-fd-") as folder:
         here = Path(folder)
         names = _disguises(base, seed)
-        domain_text, problem_text = write_problem(program, base, state, goal)
+        domain_text, problem_text = write_problem(program, base, state, goal, unit_costs=unit_costs, exact=exact)
         (here / "domain.pddl").write_text(_rename(domain_text, names))
         (here / "problem.pddl").write_text(_rename(problem_text, names))
         translate = [
             sys.executable, "-m", "fast_downward.translate", "--invariant-generation-max-candidates", "0",
             "domain.pddl", "problem.pddl",
         ]  # fmt: skip
-        code, output = _run(translate, here, deadline - time.monotonic())
+        code, output = _run(translate, here, deadline - time.monotonic(), memory_limit)
         if code in _UNSOLVABLE:
             return None
-        if code in _OUT_OF_TIME | _OUT_OF_MEMORY:
-            raise LimitReached("translating the sampled problem for Fast Downward reached its limit")
+        if code in _OUT_OF_MEMORY:
+            raise MemoryLimitReached("translating the sampled problem for Fast Downward ran out of memory")
+        if code in _OUT_OF_TIME:
+            raise LimitReached("translating the sampled problem for Fast Downward reached its time limit")
         if code != 0:
             raise SolverError(f"Fast Downward's translator failed with code {code}:\n{output[-2000:]}")
         for string, share in zip(searches, _SHARES[-len(searches) :], strict=True):
             left = share * (deadline - time.monotonic())
-            command = [str(binary()), "--search", string]
+            command = [str(binary()), "--search", _bounded(string, max_cost, unit_costs)]
             with (here / "output.sas").open("rb") as task:
-                code, output = _run(command, here, left, task)
+                code, output = _run(command, here, left, memory_limit, task)
             if code in _SOLVED:
                 plan = _rename((here / "sas_plan").read_text(), {new: old for old, new in names.items()})
                 return _read_plan(plan, program)
-            if code in _UNSOLVABLE:
+            if code == _INCOMPLETE and not string.startswith("ehc"):
                 return None
-            if code not in _OUT_OF_TIME | _OUT_OF_MEMORY:
+            if code in _UNSOLVABLE - {_INCOMPLETE}:
+                return None
+            if code not in _OUT_OF_TIME | _OUT_OF_MEMORY | {_INCOMPLETE}:
                 raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
-        raise LimitReached(f"Fast Downward found no plan within {time_limit:.0f} s and 4 GiB")
+        allowed = f"{time_limit:.0f} s and {memory_limit / 1024**3:.1f} GiB"
+        if code in _OUT_OF_MEMORY:
+            raise MemoryLimitReached(f"Fast Downward found no plan within {allowed}: out of memory")
+        raise LimitReached(f"Fast Downward found no plan within {allowed}")
+
+
+def _bounded(string: str, max_cost: float, unit_costs: bool) -> str:
+    """The search restricted to plans of at most this cost (Fast Downward's bound excludes its value)."""
+    if max_cost == math.inf:
+        return string
+    bound = max(0, math.floor(max_cost + 1e-9) + 1 if unit_costs else math.floor(COST_SCALE * max_cost + 1e-6) + 1)
+    return f"{string[:-1]},bound={min(bound, 10**9)})"
 
 
 def _disguises(base: FactBase, seed: int | None) -> dict[str, str]:
@@ -133,12 +174,12 @@ def _read_plan(text: str, program: Program) -> list[Step]:
     return [Step(name, tuple(args)) for name, *args in lines]
 
 
-def _limits(seconds: float) -> Callable[[], None]:
+def _limits(seconds: float, memory: int) -> Callable[[], None]:
     libc = ctypes.CDLL(None)
 
     def prepare() -> None:
         libc.prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: die with the parent
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         whole = max(1, int(seconds) + 1)
         resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
 
@@ -146,10 +187,15 @@ def _limits(seconds: float) -> Callable[[], None]:
 
 
 def _run(
-    command: list[str], folder: Path, seconds: float, stdin: IO[bytes] | int = subprocess.DEVNULL
+    command: list[str],
+    folder: Path,
+    seconds: float,
+    memory: int = MEMORY_LIMIT,
+    stdin: IO[bytes] | int = subprocess.DEVNULL,
 ) -> tuple[int, str]:
     if seconds <= 0:
         return 23, ""
+    seconds = min(seconds, 10**6)  # the operating system knows no infinite limit
     process = subprocess.Popen(
         command,
         cwd=folder,
@@ -158,7 +204,7 @@ def _run(
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONHASHSEED": "0"},
-        preexec_fn=_limits(seconds),
+        preexec_fn=_limits(seconds, memory),
     )
     try:
         output, _ = process.communicate(timeout=seconds)
@@ -169,54 +215,86 @@ def _run(
         process.communicate()
     if process.returncode == -signal.SIGXCPU:
         return 23, output
+    if process.returncode != 0 and _NO_MEMORY.search(output):
+        return 22, output
     return process.returncode, output
 
 
-def write_problem(program: Program, base: FactBase, state: State, goal: Formula) -> tuple[str, str]:
-    """The sampled problem as two PDDL texts, with refuted tests as `no-...` facts."""
+def write_problem(
+    program: Program, base: FactBase, state: State, goal: Formula, *, unit_costs: bool = False, exact: bool = False
+) -> tuple[str, str]:
+    """The sampled problem as two PDDL texts, with refuted tests as `no-...` facts.
+
+    A test fails also where its stream's conditions do not hold. Almost always a formula that negates the test implies
+    these conditions, and the text takes that for granted, which keeps the ground problem small; `exact` does not.
+    """
     goals = split_goal(program, base, goal)
     axioms = [a for rows in program.axioms.values() for a in rows]
     axioms += [Axiom(Atom(f"goal-part-{number}", ()), part) for number, part in enumerate(goals)]
     formulas = [*program.preconditions.values(), *(a.body for a in axioms)]
     formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
-    used = {a.predicate for f in formulas for a in atoms(_complement(f, base))}
-    lines = [f"(define (domain {program.domain.name})", "(:requirements :adl :derived-predicates)"]
-    arities = {p.name: p.arity for p in program.domain.predicates.values()}
+    used = {a.predicate: len(a.args) for f in formulas for a in atoms(_complement(f, base, exact))}
+    costs = {} if unit_costs else {a.name: a.cost for a in program.domain.actions if a.cost}
+    lines = [f"(define (domain {program.domain.name or 'd'})", "(:requirements :adl :derived-predicates)"]
     declared: dict[str, int] = {}
-    for name in sorted(used | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
+    for name in sorted(used.keys() | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
         if name != "=":
-            declared[name] = arities.get(name, arities.get(name.removeprefix("no-"), 1))
+            known = program.domain.predicates.get(name)
+            declared[name] = known.arity if known else used.get(name, 0)
     declared |= {axiom.head.predicate: len(axiom.head.args) for axiom in axioms}
-    mentioned = [a for axiom in axioms for atom in atoms(axiom.body) for a in atom.args]
-    mentioned += [a for f in program.preconditions.values() for atom in atoms(f) for a in atom.args]
-    constants = dict.fromkeys([*program.domain.constants, *(a for a in mentioned if not a.startswith("?"))])
+    derived = {axiom.head.predicate for axiom in axioms}
+    given = [name for name in declared if name not in derived]  # what axioms derive may not be stated
+    terms = {c.predicate: len(c.args) for c in costs.values() if isinstance(c, Atom)}
+    declared |= {f"value-of-{name}": arity for name, arity in terms.items()}
+    constants = dict.fromkeys([*program.domain.constants, *_mentioned(formulas)])
     if constants:
         lines.append(f"(:constants {' '.join(constants)})")
     lines.append("(:predicates")
     lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in declared.items()]
     lines.append(")")
+    if costs:
+        lines.append("(:functions (total-cost) - number")
+        lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))}) - number" for name, n in terms.items()]
+        lines.append(")")
     for schema in program.domain.actions:
-        precondition = _text(program.preconditions[schema.name], base)
-        effect = " ".join(_effect(e, base) for e in schema.effects)
+        precondition = _text(program.preconditions[schema.name], base, exact)
+        effect = " ".join(_effect(e, base, exact) for e in schema.effects)
+        match costs.get(schema.name):
+            case Atom(function, args):
+                precondition = f"(and (value-of-{' '.join((function, *args))}) {precondition})"
+                effect += f" (increase (total-cost) ({' '.join((function, *args))}))"
+            case float(amount):
+                effect += f" (increase (total-cost) {scaled(amount)})"
         parameters = " ".join(schema.parameters)
         lines.append(
             f"(:action {schema.name} :parameters ({parameters}) :precondition {precondition} :effect (and {effect}))"
         )
-    lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base)})" for a in axioms]
+    lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base, exact)})" for a in axioms]
     domain_text = "\n".join([*lines, ")"])
-    derived = {axiom.head.predicate for axiom in axioms}
-    given = [name for name in declared if name not in derived]  # what axioms derive may not be stated
-    facts = list(_facts(base, given)) + sorted(state)
+    values = {fact: value for fact, value in base.costs.items() if fact[0] in terms}
+    facts = list(_facts(base, given)) + sorted(state) + [(f"value-of-{f[0]}", *f[1:]) for f in values]
     objects = dict.fromkeys(a for f in facts for a in f[1:] if a not in constants)
     problem = [
-        f"(define (problem sampled) (:domain {program.domain.name})",
+        f"(define (problem sampled) (:domain {program.domain.name or 'd'})",
         f"(:objects {' '.join(objects)})",
         "(:init",
         *(f"({' '.join(fact)})" for fact in facts),
+        *(["(= (total-cost) 0)"] if costs else []),
+        *(f"(= ({' '.join(fact)}) {scaled(value)})" for fact, value in values.items()),
         ")",
-        f"(:goal (and {' '.join(f'(goal-part-{number})' for number in range(len(goals)))})))",
+        f"(:goal (and {' '.join(f'(goal-part-{number})' for number in range(len(goals)))}))",
+        "(:metric minimize (total-cost)))" if costs else ")",
     ]
     return domain_text, "\n".join(problem)
+
+
+def scaled(cost: float) -> int:
+    """A cost in Fast Downward's units."""
+    return min(round(COST_SCALE * cost), 10**8)
+
+
+def _mentioned(formulas: Iterable[Formula]) -> Iterator[str]:
+    return (arg for formula in formulas for atom in atoms(formula) for arg in atom.args if not arg.startswith("?"))
 
 
 def split_goal(program: Program, base: FactBase, goal: Formula) -> list[Formula]:
@@ -252,28 +330,35 @@ def _facts(base: FactBase, declared: Iterable[str]) -> Iterator[tuple[str, ...]]
             yield from ((name, *args) for args in base.relation(name).rows)
 
 
-def _complement(formula: Formula, base: FactBase) -> Formula:
+def _complement(formula: Formula, base: FactBase, exact: bool = False) -> Formula:
     match formula:
         case Not(Atom(predicate, args)) if predicate in base.tests:
-            return Atom(f"no-{predicate}", args)
+            refuted = Atom(f"no-{predicate}", args)
+            if not exact:
+                return refuted
+            stream = base.tests[predicate]
+            head = next(a.args for a in stream.certified if a.predicate == predicate)
+            binding = dict(zip(head, args, strict=True))
+            conditions = (substitute(atom, binding) for atom in stream.domain)
+            return Or((refuted, *(_complement(Not(c), base, exact) for c in conditions)))
         case Not(body):
-            return Not(_complement(body, base))
+            return Not(_complement(body, base, exact))
         case And(parts):
-            return And(tuple(_complement(p, base) for p in parts))
+            return And(tuple(_complement(p, base, exact) for p in parts))
         case Or(parts):
-            return Or(tuple(_complement(p, base) for p in parts))
+            return Or(tuple(_complement(p, base, exact) for p in parts))
         case Exists(variables, body):
-            return Exists(variables, _complement(body, base))
+            return Exists(variables, _complement(body, base, exact))
         case _:
             return formula
 
 
-def _text(formula: Formula, base: FactBase) -> str:
-    return to_pddl(_complement(formula, base)).replace("#", "_")
+def _text(formula: Formula, base: FactBase, exact: bool) -> str:
+    return to_pddl(_complement(formula, base, exact)).replace("#", "_")
 
 
-def _effect(effect: Effect, base: FactBase) -> str:
+def _effect(effect: Effect, base: FactBase, exact: bool) -> str:
     text = to_pddl(effect.atom) if effect.positive else f"(not {to_pddl(effect.atom)})"
     if conjuncts(effect.condition):
-        text = f"(when {_text(normalize(effect.condition), base)} {text})"
+        text = f"(when {_text(normalize(effect.condition), base, exact)} {text})"
     return f"(forall ({' '.join(effect.variables)}) {text})" if effect.variables else text

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from typing import Any
 
+from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.formula import Atom
-from gentamp_lp.streams.language import Generator
+from gentamp_lp.streams.language import Generator, WildOutput
+from gentamp_lp.streams.naming import Names
 from gentamp_lp.streams.pddl import Domain, Stream
 
 Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
@@ -76,9 +80,10 @@ class StreamStatistics:
 class _Source:
     """One stream on one tuple of inputs."""
 
-    rows: Iterator[Args]
+    rows: Iterator[Any]
     drawn: int = 0
     exhausted: bool = False
+    outputs: list[Args] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,8 @@ class _Test:
     @classmethod
     def of(cls, stream: Stream, pattern: Args) -> _Test:
         def taken(names: Args) -> Callable[[Args], Args]:
+            if not all(name in pattern for name in names):  # constants
+                return lambda args: tuple(args[pattern.index(n)] if n in pattern else n for n in names)
             places = [pattern.index(name) for name in names]
             return itemgetter(*places) if len(places) > 1 else lambda args: tuple(args[i] for i in places)
 
@@ -108,7 +115,8 @@ class _Test:
 class FactBase:
     """Everything known about one problem besides its fluents. Grows while streams are called.
 
-    Names stand for values: `values[name]` is what the streams' Python code receives.
+    Names stand for values: `values[name]` is what the streams' Python code receives. With `names`, equal values that
+    streams give have one name (as in PDDLStream); without, every output is a new entity.
     """
 
     domain: Domain
@@ -119,18 +127,25 @@ class FactBase:
     static: dict[str, Relation] = field(default_factory=dict)
     statistics: dict[str, StreamStatistics] = field(default_factory=dict)
     made_by: dict[str, tuple[str, Args, int]] = field(default_factory=dict)
+    names: Names | None = None
 
     def __post_init__(self) -> None:
         self.tests: dict[str, Stream] = {}
         self.makers: dict[str, list[Stream]] = {}
+        self.costs: dict[Fact, float] = {}  # values of functions, given or computed
+        self.functions = {s.name: s for s in self.streams if s.kind == "function"}
+        self.streams = tuple(s for s in self.streams if s.kind != "function")
         self._tests: dict[str, _Test] = {}
         self._truth: dict[Fact, bool] = {}
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
+        for name in self.functions:
+            self.statistics.setdefault(name, StreamStatistics())
         for stream in self.streams:
-            self.statistics.setdefault(stream.name, StreamStatistics())
+            if stream.kind != "rule":
+                self.statistics.setdefault(stream.name, StreamStatistics())
             for atom in stream.certified:
-                if stream.is_test:
+                if stream.decides:
                     self.tests[atom.predicate] = stream
                     self._tests[atom.predicate] = _Test.of(stream, atom.args)
                 elif stream not in self.makers.setdefault(atom.predicate, []):
@@ -144,9 +159,15 @@ class FactBase:
         """Record a static or certified fact (and the sorts of its entities); False when it was known."""
         if not self._growing(fact[0]).add(fact[1:]):
             return False
+        self.add_sorts(fact)
+        for supertype in self.domain.supertypes.get(fact[0], ()):
+            self.add((supertype, *fact[1:]))
+        return True
+
+    def add_sorts(self, fact: Fact) -> None:
+        """Record the sorts of a fact's entities."""
         for sort, name in zip(self.sorts.get(fact[0], ()), fact[1:], strict=False):
             self._growing(sort_predicate(sort)).add((name,))
-        return True
 
     def _growing(self, predicate: str) -> Relation:
         if predicate not in self.static:
@@ -180,6 +201,41 @@ class FactBase:
         """Arguments on which a test predicate was tried and found false."""
         return (fact[1:] for fact, true in self._truth.items() if not true and fact[0] == predicate)
 
+    def run_test(self, stream: Stream, inputs: Args) -> bool:
+        """Run a test on all its inputs (unless that was done)."""
+        atom, binding = stream.certified[0], dict(zip(stream.inputs, inputs, strict=True))
+        return self.truth(atom.predicate, bind(atom, binding))
+
+    def known(self, predicate: str, args: Args) -> bool | None:
+        """Whether a test predicate is known to be true or false without running its test."""
+        return True if args in self.relation(predicate) else self._truth.get((predicate, *args))
+
+    def cost(self, function: str, args: Args) -> float | None:
+        """The value of a function, computed on demand; None where it has none.
+
+        Raises InputError for a value that is not a number from 0.
+        """
+        fact = (function, *args)
+        stream = self.functions.get(function)
+        if fact in self.costs or stream is None:
+            return self.costs.get(fact)
+        binding = dict(zip(stream.inputs, args, strict=True))
+        if not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return None
+        statistics = self.statistics[function]
+        start = time.perf_counter()
+        value = self.generators[function](*(self.values[name] for name in args))
+        statistics.seconds += time.perf_counter() - start
+        statistics.calls += 1
+        if not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
+            raise InputError(f"function `{function}` gave {value!r}, which is not a number")
+        number = float(value)  # type: ignore[arg-type]
+        if not 0 <= number < math.inf:
+            raise InputError(f"function `{function}` gave {number}: costs are numbers from 0")
+        statistics.successes += 1
+        self.costs[fact] = number
+        return number
+
     def _run_test(self, test: _Test, args: Args) -> bool:
         statistics = self.statistics[test.stream]
         start = time.perf_counter()
@@ -189,23 +245,48 @@ class FactBase:
         if row is None:
             return False
         statistics.successes += 1
-        for name, take in test.certified:  # the stream's conditions have told the sorts of its inputs
-            self._growing(name).add(take(args))
+        if isinstance(row, WildOutput):
+            self._add_wild(row)
+        for name, take in test.certified:
+            self.add((name, *take(args)))
         return True
 
     def inputs(self, stream: Stream) -> list[Args]:
         """All tuples of known entities that satisfy the stream's domain conditions."""
         bindings: list[dict[str, str]] = [{}]
-        for atom in stream.domain:
+        for atom in self.tests_last(stream.domain):
             bindings = [
                 extended
                 for binding in bindings
-                for row in self.relation(atom.predicate).matches(
-                    tuple(binding.get(a) if a.startswith("?") else a for a in atom.args)
-                )
+                for row in self._rows(atom, binding)
                 if (extended := match(atom.args, row, binding)) is not None
             ]
         return list(dict.fromkeys(tuple(b[v] for v in stream.inputs) for b in bindings))
+
+    def tests_last(self, atoms: Iterable[Atom]) -> list[Atom]:
+        """Atoms in an order of which the tests come last."""
+        return sorted(atoms, key=lambda atom: atom.predicate in self.tests)
+
+    def _rows(self, atom: Atom, binding: Mapping[str, str]) -> list[Args]:
+        """Known tuples of an atom under a binding; a test is run on all that its own conditions allow."""
+        pattern = tuple(binding.get(a) if a.startswith("?") else a for a in atom.args)
+        stream = self.tests.get(atom.predicate)
+        if stream is not None:
+            if None not in pattern:
+                row = tuple(str(name) for name in pattern)
+                return [row] if self.truth(atom.predicate, row) else []
+            head = next(a.args for a in stream.certified if a.predicate == atom.predicate)
+            for inputs in self.inputs(stream):
+                given = dict(zip(stream.inputs, inputs, strict=True))
+                row = tuple(given.get(a, a) for a in head)
+                if all(p is None or p == v for p, v in zip(pattern, row, strict=True)):
+                    self.truth(atom.predicate, row)
+        return self.relation(atom.predicate).matches(pattern)
+
+    def drawn_outputs(self, stream: Stream, inputs: Args) -> list[Args]:
+        """What this stream has given on these inputs so far."""
+        source = self._sources.get((stream.name, inputs))
+        return source.outputs if source else []
 
     def drawn(self, stream: Stream, inputs: Args) -> int:
         """How many times this stream was asked on these inputs."""
@@ -220,6 +301,8 @@ class FactBase:
     def draw(self, stream: Stream, inputs: Args) -> Args | None:
         """Ask a generator stream once; returns the names of its outputs, or None when it gave nothing."""
         key = (stream.name, inputs)
+        if stream.is_test:
+            return self._decide(stream, inputs)
         statistics = self.statistics[stream.name]
         start = time.perf_counter()
         if key not in self._sources:
@@ -238,21 +321,103 @@ class FactBase:
         if outputs is None:
             source.exhausted = True
             return None
+        if isinstance(outputs, WildOutput):
+            self._add_wild(outputs)
+            outputs = outputs.values[0] if outputs.values else ()
         if not outputs:  # a failed attempt of a generator that may still succeed later
             return None
         statistics.successes += 1
-        return self._certify(stream, inputs, outputs, source.drawn)
+        source.outputs.append(self.certify(stream, inputs, outputs, source.drawn))
+        return source.outputs[-1]
 
-    def _certify(self, stream: Stream, inputs: Args, outputs: tuple[Any, ...], draw: int) -> Args:
-        names = []
-        for variable, value in zip(stream.outputs, outputs, strict=True):
-            name = self.new_name(variable[1:])
+    def _decide(self, stream: Stream, inputs: Args) -> Args | None:
+        """Apply a rule, or run a test whose facts do not name all its inputs."""
+        if self.exhausted(stream, inputs):
+            return None
+        binding = dict(zip(stream.inputs, inputs, strict=True))
+        if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return None
+        source = self._sources[stream.name, inputs] = _Source(iter(()), 1, True)
+        if stream.kind == "rule":
+            for atom in stream.certified:
+                self.add((atom.predicate, *bind(atom, binding)))
+        elif not self._passes(stream, inputs):
+            return None
+        source.outputs.append(())
+        return ()
+
+    def _passes(self, stream: Stream, inputs: Args) -> bool:
+        """Run a test that decides no single fact, and add what it certifies."""
+        decided = Stream(stream.name, stream.inputs, stream.domain, (), (Atom(stream.name, stream.inputs),))
+        if not self._run_test(replace(_Test.of(decided, stream.inputs), certified=()), inputs):
+            return False
+        binding = dict(zip(stream.inputs, inputs, strict=True))
+        for atom in stream.certified:
+            self.add((atom.predicate, *bind(atom, binding)))
+        return True
+
+    def call_in_state(self, stream: Stream, inputs: Args, facts: Iterable[Fact]) -> tuple[Args, set[Fact]] | None:
+        """Ask a fluent stream once, in a state of which it is told the facts of its `:fluents`.
+
+        Returns the outputs and what they are certified to be in this state only; None for a failure.
+        """
+        told = [(fact[0], *(self.values[name] for name in fact[1:])) for fact in facts]
+        statistics = self.statistics[stream.name]
+        start = time.perf_counter()
+        values = (self.values[name] for name in inputs)
+        outputs = next(iter(self.generators[stream.name](*values, fluents=told)), None)
+        statistics.seconds += time.perf_counter() - start
+        statistics.calls += 1
+        if not outputs:
+            return None
+        statistics.successes += 1
+        names = self._name_outputs(stream, inputs, outputs, statistics.calls)
+        binding = dict(zip(stream.inputs + stream.outputs, (*inputs, *names), strict=True))
+        return names, {(atom.predicate, *bind(atom, binding)) for atom in stream.certified}
+
+    def _add_wild(self, output: WildOutput) -> None:
+        """Record the additional facts of a wild stream. Raises InputError for one that is not static."""
+        for head, *values in output.facts:
+            predicate = str(head).lower()
+            declared = self.domain.predicates.get(predicate)
+            if declared is None or declared.arity != len(values):
+                raise InputError(f"a stream gave the fact {(head, *values)!r}, which the domain does not declare")
+            if predicate in self.domain.fluents | self.domain.derived:
+                raise InputError(f"a stream gave `{head}`, which actions or axioms change")
+            self.add((predicate, *(self.name_of(value, "x") for value in values)))
+
+    def name_of(self, value: Any, prefix: str) -> str:
+        """The name of a value, a new one if it has none."""
+        name = self.names.find(value) if self.names else None
+        if name is None:
+            name = self.new_name(prefix)
             self.values[name] = value
-            self.made_by[name] = (stream.name, inputs, draw)
-            names.append(name)
+            if self.names:
+                self.names.add(value, name)
+        return name
+
+    def certify(self, stream: Stream, inputs: Args, outputs: tuple[Any, ...], draw: int) -> Args:
+        """Name the outputs of a stream and add the facts it certifies. Raises InputError for a wrong number."""
+        names = self._name_outputs(stream, inputs, outputs, draw)
         binding = dict(zip(stream.inputs + stream.outputs, (*inputs, *names), strict=True))
         for atom in stream.certified:
             self.add((atom.predicate, *bind(atom, binding)))
+        return names
+
+    def _name_outputs(self, stream: Stream, inputs: Args, outputs: tuple[Any, ...], draw: int) -> Args:
+        if not isinstance(outputs, tuple | list) or len(outputs) != len(stream.outputs):
+            raise InputError(
+                Diagnostic(
+                    f"stream `{stream.name}` gave {outputs!r}, not a tuple of {len(stream.outputs)} output(s)",
+                    line=stream.line,
+                )
+            )
+        names = []
+        for variable, value in zip(stream.outputs, outputs, strict=True):
+            name = self.name_of(value, re.sub(r"[^a-z0-9_]", "_", variable[1:]) if self.names else variable[1:])
+            if name not in self.made_by and (self.names is None or name not in self.names.given):
+                self.made_by[name] = (stream.name, inputs, draw)
+            names.append(name)
         return tuple(names)
 
     def trimmed(self, quota: Mapping[str, int], needed: Iterable[str]) -> FactBase:
@@ -289,7 +454,7 @@ class FactBase:
         base._truth = {fact: true for fact, true in self._truth.items() if all(map(keep, fact[1:]))}
         base._counts = dict(self._counts)
         base._sources = {
-            key: _Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted)
+            key: _Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted, source.outputs)
             for key, source in self._sources.items()
             if all(map(keep, key[1]))
         }

@@ -13,7 +13,7 @@ from gentamp_lp.streams.semantics import Program, State, Step, View, apply, prec
 
 
 def sample(base: FactBase, quota: Mapping[str, int], deadline: float) -> bool:
-    """Ask every generator stream up to `quota[name]` times (default 1) on all inputs known so far.
+    """Ask every generator stream (but fluent ones) up to `quota[name]` times (default 1) on all inputs known so far.
 
     Repeats until nothing is left to ask; returns whether any call was made. Raises LimitReached at the deadline.
     """
@@ -21,7 +21,7 @@ def sample(base: FactBase, quota: Mapping[str, int], deadline: float) -> bool:
     for _ in base.streams:  # a chain of streams is at most as long as their number within one level
         again = False
         for stream in base.streams:
-            if stream.is_test:
+            if stream.decides or stream.fluents:
                 continue
             for inputs in base.inputs(stream):
                 while base.drawn(stream, inputs) < quota.get(stream.name, 1):
@@ -54,14 +54,12 @@ def quota_for(base: FactBase, predicates: Iterable[str], samples: Mapping[str, i
 def run_tests(base: FactBase, deadline: float) -> None:
     """Evaluate every test stream on all its inputs. Raises LimitReached at the deadline."""
     for stream in base.streams:
-        if not stream.is_test:
+        if not stream.decides:
             continue
-        predicate = stream.certified[0]
         for inputs in base.inputs(stream):
             if time.monotonic() > deadline:
                 raise LimitReached("the time limit ended the tests")
-            binding = dict(zip(stream.inputs, inputs, strict=True))
-            base.truth(predicate.predicate, tuple(binding[a] for a in predicate.args))
+            base.run_test(stream, inputs)
 
 
 def simulate(program: Program, base: FactBase, state: State, steps: list[Step]) -> list[State] | None:

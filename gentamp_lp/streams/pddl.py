@@ -1,7 +1,8 @@
 """The PDDL and stream files: syntax trees and a parser that names file and line.
 
-Supported: untyped `:strips`, `:equality`, negative, disjunctive and quantified conditions, conditional and
-quantified effects, derived predicates, constants; streams and test streams. Everything else is refused.
+Supported: `:strips`, `:typing` (types become unary static predicates), `:equality`, negative, disjunctive and
+quantified conditions, conditional and quantified effects, derived predicates, constants, action costs; streams, tests,
+rules, predicates, functions and fluent streams. Everything else is refused.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.formula import (
@@ -47,6 +49,7 @@ class ActionSchema:
     precondition: Formula
     effects: tuple[Effect, ...]
     line: int = 0
+    cost: float | Atom = 0.0  # what `increase (total-cost)` adds: a number or a function's value
 
 
 @dataclass(frozen=True)
@@ -76,8 +79,11 @@ class Domain:
     constants: tuple[str, ...]
     actions: tuple[ActionSchema, ...]
     axioms: tuple[Axiom, ...]
-    path: Path | None = None
+    path: Path | str | None = None
     text: str = ""
+    functions: Mapping[str, Predicate] = field(default_factory=dict)
+    supertypes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # every type -> the types above it
+    facts: tuple[tuple[str, ...], ...] = ()  # the types of constants
 
     @property
     def fluents(self) -> frozenset[str]:
@@ -99,7 +105,11 @@ class Domain:
 
 @dataclass(frozen=True)
 class Stream:
-    """A declared stream; without outputs it is a test."""
+    """A declared stream; without outputs it is a test.
+
+    A rule is a test that always succeeds, a predicate a test given as a Boolean function, and a function computes a
+    cost: its one certified atom is its own head.
+    """
 
     name: str
     inputs: tuple[str, ...]
@@ -107,37 +117,93 @@ class Stream:
     outputs: tuple[str, ...]
     certified: tuple[Atom, ...]
     line: int = 0
+    kind: Literal["stream", "rule", "predicate", "function"] = "stream"
+    fluents: tuple[str, ...] = ()  # predicates whose facts, in the state where it is used, the stream is given
 
     @property
     def is_test(self) -> bool:
         """Whether the stream decides facts about its inputs instead of making entities."""
         return not self.outputs
 
+    @property
+    def decides(self) -> bool:
+        """Whether the stream can be asked about one fact: a test whose facts name all its inputs."""
+        return self.is_test and self.kind != "rule" and all(set(self.inputs) <= set(a.args) for a in self.certified)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """`(increase (total-cost) term)`."""
+
+    term: float | Atom
+    line: int
+
+
+def guarded(guards: tuple[Formula, ...], body: Formula) -> Formula:
+    """The body under additional conditions."""
+    return And((*guards, *conjuncts(body))) if guards else body
+
 
 @dataclass
 class _Reader(Reader):
     predicates: dict[str, Predicate] = field(default_factory=dict)
     constants: frozenset[str] = frozenset()
+    supertypes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    functions: dict[str, Predicate] = field(default_factory=dict)
 
-    def variables(self, group: Group) -> tuple[str, ...]:
-        names = []
-        for item in group.items:
-            name = self.symbol(item, "a variable")
-            if name.name == "-":
-                raise self.error("types are not supported", name.line, "use unary predicates instead")
+    def typed(self, items: Iterable[Symbol | Group], line: int) -> tuple[tuple[Symbol, tuple[str, ...]], ...]:
+        """Names with the types they may have (none said: no restriction): `a b - block c`."""
+        found: list[tuple[Symbol, tuple[str, ...]]] = []
+        waiting: list[Symbol] = []
+        rest = iter(items)
+        for item in rest:
+            name = self.symbol(item, "a name")
+            if name.name != "-":
+                waiting.append(name)
+                continue
+            kind = next(rest, None)
+            if kind is None:
+                raise self.error("a type is missing after `-`", name.line)
+            found += ((one, self.types_of(kind)) for one in waiting)
+            waiting = []
+        found += ((one, ()) for one in waiting)
+        names = [name.name for name, _ in found]
+        if len(set(names)) != len(names):
+            raise self.error("a name is declared twice", line)
+        return tuple(found)
+
+    def types_of(self, item: Symbol | Group) -> tuple[str, ...]:
+        if isinstance(item, Group) and item.head == "either":
+            return tuple(t for part in item.items[1:] for t in self.types_of(part))
+        kind = self.symbol(item, "a type")
+        if kind.name == "object":
+            return ()
+        if kind.name not in self.supertypes:
+            raise self.error(f"unknown type `{kind.spelling}`", kind.line, "declare it in `:types`")
+        return (kind.name,)
+
+    def declared(self, group: Group) -> tuple[tuple[str, ...], tuple[Formula, ...]]:
+        """Variables, and the conditions that their types impose."""
+        found = self.typed(group.items, group.line)
+        for name, _ in found:
             if not name.name.startswith("?"):
                 raise self.error(f"`{name.spelling}` is not a variable", name.line, f"write `?{name.spelling}`")
-            names.append(name.name)
-        if len(set(names)) != len(names):
-            raise self.error("a variable is declared twice", group.line)
-        return tuple(names)
+        guards = [[Atom(t, (name.name,)) for t in types] for name, types in found if types]
+        return tuple(n.name for n, _ in found), tuple(g[0] if len(g) == 1 else Or(tuple(g)) for g in guards)
+
+    def item(self, group: Group, index: int, what: str) -> Symbol | Group:
+        if len(group.items) <= index:
+            raise self.error(f"expected {what}, found the end of the list", group.line)
+        return group.items[index]
 
     def atom(self, group: Group, scope: frozenset[str]) -> Atom:
         head = self.symbol(group.items[0], "a predicate") if group.items else None
         if head is None:
             raise self.error("expected a condition, found `()`", group.line)
+        return self.application(head, group, 2 if head.name == "=" else self.arity(head), scope)
+
+    def application(self, head: Symbol, group: Group, arity: int, scope: frozenset[str]) -> Atom:
         args = tuple(self.symbol(item, "a variable or a constant") for item in group.items[1:])
-        arity = 2 if head.name == "=" else self.arity(head)
         if len(args) != arity:
             raise self.error(f"`{head.spelling}` takes {arity} argument(s), not {len(args)}", head.line)
         for arg in args:
@@ -167,9 +233,11 @@ class _Reader(Reader):
                 return imply(self.formula(group.items[1], scope), self.formula(group.items[2], scope))
             case "exists" | "forall":
                 self.size(group, 3)
-                variables = self.variables(self.group(group.items[1], "a list of variables"))
+                variables, guards = self.declared(self.group(group.items[1], "a list of variables"))
                 body = self.formula(group.items[2], scope | set(variables))
-                return Exists(variables, body) if group.head == "exists" else Forall(variables, body)
+                if group.head == "exists":
+                    return Exists(variables, guarded(guards, body))
+                return Forall(variables, imply(And(guards), body) if guards else body)
         if not group.items:
             return TRUE
         return self.atom(group, scope)
@@ -180,7 +248,7 @@ class _Reader(Reader):
 
     def effects(
         self, item: Symbol | Group, scope: frozenset[str], variables: tuple[str, ...], condition: Formula
-    ) -> Iterable[Effect]:
+    ) -> Iterable[Effect | Cost]:
         group = self.group(item, "an effect")
         match group.head:
             case "and":
@@ -188,8 +256,9 @@ class _Reader(Reader):
                     yield from self.effects(part, scope, variables, condition)
             case "forall":
                 self.size(group, 3)
-                bound = self.variables(self.group(group.items[1], "a list of variables"))
-                yield from self.effects(group.items[2], scope | set(bound), variables + bound, condition)
+                bound, guards = self.declared(self.group(group.items[1], "a list of variables"))
+                inner = guarded(guards, condition)
+                yield from self.effects(group.items[2], scope | set(bound), variables + bound, inner)
             case "when":
                 self.size(group, 3)
                 when = self.formula(group.items[1], scope)
@@ -197,10 +266,34 @@ class _Reader(Reader):
             case "not":
                 self.size(group, 2)
                 yield Effect(self.atom(self.group(group.items[1], "an atom"), scope), False, variables, condition)
-            case "increase" | "decrease" | "assign":
-                raise self.error("action costs and numbers are not supported", group.line)
+            case "increase":
+                if variables or conjuncts(condition):
+                    raise self.error("a conditional or quantified cost is not supported", group.line)
+                yield self.cost(group, scope)
+            case "decrease" | "assign" | "scale-up" | "scale-down":
+                raise self.error(f"`{group.head}` is not supported", group.line, "only (increase (total-cost) ...)")
             case _:
                 yield Effect(self.atom(group, scope), True, variables, condition)
+
+    def cost(self, group: Group, scope: frozenset[str]) -> Cost:
+        self.size(group, 3)
+        target = self.group(group.items[1], "(total-cost)")
+        if target.head != "total-cost" or len(target.items) != 1:
+            raise self.error("only `total-cost` can be increased", group.line)
+        amount = group.items[2]
+        if isinstance(amount, Group):
+            head = self.symbol(self.item(amount, 0, "a function"), "a function")
+            if head.name not in self.functions:
+                known = ", ".join(sorted(f.spelling for f in self.functions.values())) or "none is declared"
+                raise self.error(f"unknown function `{head.spelling}`", head.line, f"known: {known}")
+            return Cost(self.application(head, amount, self.functions[head.name].arity, scope), group.line)
+        try:
+            number = float(amount.name)
+        except ValueError:
+            raise self.error(f"`{amount.spelling}` is not a number", amount.line) from None
+        if not 0 <= number < float("inf"):
+            raise self.error("a cost is a number from 0", amount.line)
+        return Cost(number, group.line)
 
     def sections(self, group: Group, start: int, allowed: set[str]) -> dict[str, Symbol | Group]:
         found: dict[str, Symbol | Group] = {}
@@ -216,7 +309,7 @@ class _Reader(Reader):
         return found
 
 
-def parse_domain(text: str, path: Path | None = None) -> Domain:
+def parse_domain(text: str, path: Path | str | None = None) -> Domain:
     """Parse a PDDL domain. Raises InputError with file, line and remedy."""
     reader = _Reader(path)
     name = ""
@@ -225,21 +318,32 @@ def parse_domain(text: str, path: Path | None = None) -> Domain:
     if len(groups) != 1 or groups[0].head != "define":
         raise reader.error("expected one `(define (domain ...) ...)`", groups[0].line if groups else 1)
     sections = [reader.group(item, "a section") for item in groups[0].items[1:]]
-    for group in sections:
+    facts: list[tuple[str, ...]] = []
+    for group in sorted(sections, key=lambda g: _ORDER.get(g.head, len(_ORDER))):
         match group.head:
             case "domain":
-                name = reader.symbol(group.items[1], "the domain's name").name
+                name = reader.symbol(reader.item(group, 1, "the domain's name"), "the domain's name").name
+            case ":types":
+                _types(reader, group)
             case ":constants":
-                constants = tuple(reader.symbol(item, "a constant").name for item in group.items[1:])
+                found = reader.typed(group.items[1:], group.line)
+                constants = tuple(constant.name for constant, _ in found)
                 reader.constants = frozenset(constants)
+                facts = [(kind, constant.name) for constant, kinds in found for kind in kinds[:1]]
             case ":predicates":
                 for item in group.items[1:]:
                     declaration = reader.group(item, "a predicate declaration")
-                    head = reader.symbol(declaration.items[0], "a predicate")
-                    arity = len(reader.variables(Group(declaration.items[1:], declaration.line)))
+                    head = reader.symbol(reader.item(declaration, 0, "a predicate"), "a predicate")
+                    arity = len(reader.declared(Group(declaration.items[1:], declaration.line))[0])
+                    if head.name in reader.supertypes and arity != 1:
+                        raise reader.error(f"`{head.spelling}` is a type and takes 1 argument", head.line)
                     reader.predicates[head.name] = Predicate(head.name, head.spelling, arity)
+            case ":functions":
+                _functions(reader, group)
             case ":requirements" | ":action" | ":derived":
                 pass
+            case ":durative-action" | ":process" | ":event":
+                raise reader.error("temporal planning is not supported", group.line, "write an `:action`")
             case _:
                 raise reader.error(f"unsupported section `{group.head or '()'}`", group.line)
     actions, axioms = [], []
@@ -252,88 +356,240 @@ def parse_domain(text: str, path: Path | None = None) -> Domain:
     for axiom in axioms:
         if axiom.head.predicate in changed:
             raise reader.error(f"derived predicate `{axiom.head.predicate}` is also an effect", axiom.line)
-    return Domain(name, reader.predicates, constants, tuple(actions), tuple(axioms), path, text)
+    seen: set[str] = set()
+    for action in actions:
+        if action.name in seen:
+            raise reader.error(f"action `{action.name}` is declared twice", action.line)
+        seen.add(action.name)
+    return Domain(
+        name, reader.predicates, constants, tuple(actions), tuple(axioms), path, text,
+        reader.functions, reader.supertypes, tuple(facts),
+    )  # fmt: skip
+
+
+#: Declarations are read before what uses them, wherever they stand.
+_ORDER = {":types": 0, ":constants": 1, ":predicates": 2, ":functions": 3}
+
+
+def _types(reader: _Reader, group: Group) -> None:
+    """`a b - c`: remember the types above each type; every type is a unary predicate."""
+    parents: dict[str, str] = {}
+    waiting: list[Symbol] = []
+    rest = iter(group.items[1:])
+    spelling: dict[str, str] = {}
+    for item in rest:
+        kind = reader.symbol(item, "a type")
+        if kind.name != "-":
+            waiting.append(kind)
+            continue
+        above = reader.symbol(next(rest, kind), "a type")
+        spelling[above.name] = above.spelling
+        parents |= {one.name: above.name for one in waiting}
+        spelling |= {one.name: one.spelling for one in waiting}
+        waiting = []
+    spelling |= {one.name: one.spelling for one in waiting}
+    spelling.pop("object", None)
+    for name, written in spelling.items():
+        chain: list[str] = []
+        above_ = parents.get(name, "object")
+        while above_ != "object":
+            if above_ in chain or above_ == name:
+                raise reader.error(f"type `{written}` is above itself", group.line)
+            chain.append(above_)
+            above_ = parents.get(above_, "object")
+        reader.supertypes[name] = tuple(chain)
+        reader.predicates[name] = Predicate(name, written, 1)
+
+
+def _functions(reader: _Reader, group: Group) -> None:
+    items = iter(group.items[1:])
+    for item in items:
+        if isinstance(item, Symbol) and item.name == "-":
+            kind = reader.symbol(next(items, item), "a type")
+            if kind.name != "number":
+                raise reader.error("functions have numbers as values", kind.line, "write `- number`")
+            continue
+        declaration = reader.group(item, "a function declaration")
+        head = reader.symbol(reader.item(declaration, 0, "a function"), "a function")
+        arity = len(reader.declared(Group(declaration.items[1:], declaration.line))[0])
+        reader.functions[head.name] = Predicate(head.name, head.spelling, arity)
 
 
 def _action(reader: _Reader, group: Group) -> ActionSchema:
-    name = reader.symbol(group.items[1], "the action's name").name
+    name = reader.symbol(reader.item(group, 1, "the action's name"), "the action's name").name
     parts = reader.sections(group, 2, {":parameters", ":precondition", ":effect"})
     if ":effect" not in parts:
         raise reader.error(f"action `{name}` has no `:effect`", group.line)
     parameters: tuple[str, ...] = ()
+    guards: tuple[Formula, ...] = ()
     if ":parameters" in parts:
-        parameters = reader.variables(reader.group(parts[":parameters"], "a list of variables"))
+        parameters, guards = reader.declared(reader.group(parts[":parameters"], "a list of variables"))
     scope = frozenset(parameters)
     precondition = reader.formula(parts[":precondition"], scope) if ":precondition" in parts else TRUE
-    effects = tuple(reader.effects(parts[":effect"], scope, (), TRUE))
-    return ActionSchema(name, parameters, precondition, effects, group.line)
+    found = tuple(reader.effects(parts[":effect"], scope, (), TRUE))
+    costs = [cost for cost in found if isinstance(cost, Cost)]
+    if len(costs) > 1:
+        raise reader.error("an action increases the cost once", costs[1].line, "add the amounts up in one function")
+    effects = tuple(effect for effect in found if isinstance(effect, Effect))
+    for effect in effects:
+        if effect.atom.predicate == "=" or effect.atom.predicate in reader.supertypes:
+            raise reader.error(f"an action cannot change `{effect.atom.predicate}`", group.line)
+    cost = costs[0].term if costs else 0.0
+    return ActionSchema(name, parameters, guarded(guards, precondition), effects, group.line, cost)
 
 
 def _axiom(reader: _Reader, group: Group) -> Axiom:
     reader.size(group, 3)
     head = reader.group(group.items[1], "the derived atom")
-    variables = reader.variables(Group(head.items[1:], head.line))
+    variables, guards = reader.declared(Group(head.items[1:], head.line))
     scope = frozenset(variables)
-    return Axiom(reader.atom(head, scope), reader.formula(group.items[2], scope), group.line)
+    atom = reader.atom(Group((*head.items[:1], *(Symbol(v, v, head.line) for v in variables)), head.line), scope)
+    if atom.predicate == "=" or atom.predicate in reader.supertypes:
+        raise reader.error(f"`{atom.predicate}` cannot be derived", head.line)
+    return Axiom(atom, guarded(guards, reader.formula(group.items[2], scope)), group.line)
 
 
-def parse_streams(text: str, domain: Domain, path: Path | None = None) -> tuple[Stream, ...]:
+def parse_streams(text: str, domain: Domain, path: Path | str | None = None) -> tuple[Stream, ...]:
     """Parse a stream file against the domain whose predicates it certifies."""
-    reader = _Reader(path, dict(domain.predicates), frozenset(domain.constants))
+    reader = _Reader(
+        path, dict(domain.predicates), frozenset(domain.constants), dict(domain.supertypes), dict(domain.functions)
+    )
     groups = read_groups(text, path)
     if len(groups) != 1 or groups[0].head != "define":
         raise reader.error("expected one `(define (stream ...) ...)`", groups[0].line if groups else 1)
     streams: dict[str, Stream] = {}
-    for item in groups[0].items[1:]:
+    for number, item in enumerate(groups[0].items[1:]):
         group = reader.group(item, "a section")
-        if group.head == "stream":
-            continue
-        if group.head != ":stream":
-            raise reader.error(f"unsupported section `{group.head or '()'}`", group.line, "only `:stream`")
-        stream = _stream(reader, group, domain)
+        match group.head:
+            case "stream":
+                continue
+            case ":stream":
+                stream = _stream(reader, group, domain)
+            case ":rule":
+                stream = _rule(reader, group, domain, number)
+            case ":function" | ":predicate":
+                stream = _function(reader, group, domain)
+            case ":optimizer" | ":constraint" | ":objective" | ":variables":
+                raise reader.error("optimizers are not supported", group.line, "sample with a `:stream` instead")
+            case _:
+                hint = "known: :stream, :rule, :predicate, :function"
+                raise reader.error(f"unsupported section `{group.head or '()'}`", group.line, hint)
         if stream.name in streams:
             raise reader.error(f"stream `{stream.name}` is declared twice", group.line)
         streams[stream.name] = stream
     return tuple(streams.values())
 
 
-def _stream(reader: _Reader, group: Group, domain: Domain) -> Stream:
-    name = reader.symbol(group.items[1], "the stream's name").name
-    parts = reader.sections(group, 2, {":inputs", ":domain", ":outputs", ":certified"})
+def _atoms(reader: _Reader, item: Symbol | Group, scope: frozenset[str], what: str) -> tuple[Atom, ...]:
+    found = conjuncts(reader.formula(item, scope))
+    for literal in found:
+        if not isinstance(literal, Atom) or literal.predicate == "=":
+            raise reader.error(f"{what} must be a conjunction of atoms", item.line)
+    return tuple(a for a in found if isinstance(a, Atom))
 
-    def variables(key: str) -> tuple[str, ...]:
-        return reader.variables(reader.group(parts[key], "a list of variables")) if key in parts else ()
 
-    def literals(key: str, scope: frozenset[str]) -> tuple[Atom, ...]:
-        found = conjuncts(reader.formula(parts[key], scope)) if key in parts else ()
-        for literal in found:
-            if not isinstance(literal, Atom):
-                raise reader.error(f"`{key}` of stream `{name}` must be a conjunction of atoms", group.line)
-        return tuple(a for a in found if isinstance(a, Atom))
+def _typed_atoms(reader: _Reader, guards: Iterable[Formula], line: int) -> tuple[Atom, ...]:
+    """What types say about the variables of a stream."""
+    atoms = [guard for guard in guards if isinstance(guard, Atom)]
+    if len(atoms) != len(list(guards)):
+        raise reader.error("`either` is not supported in streams", line, "name a common supertype")
+    return tuple(atoms)
 
-    inputs, outputs = variables(":inputs"), variables(":outputs")
-    if set(inputs) & set(outputs):
-        raise reader.error(f"stream `{name}` uses a variable as input and output", group.line)
-    conditions = literals(":domain", frozenset(inputs))
-    certified = literals(":certified", frozenset(inputs + outputs))
-    if not certified:
-        raise reader.error(f"stream `{name}` certifies nothing", group.line, "add `:certified`")
-    unguarded = set(inputs) - {arg for atom in conditions for arg in atom.args}
-    if unguarded:
-        raise reader.error(
-            f"input(s) {', '.join(sorted(unguarded))} of stream `{name}` occur in no `:domain` fact",
-            group.line,
-        )
-    for atom in (*conditions, *certified):
+
+def _check_static(reader: _Reader, name: str, atoms: Iterable[Atom], domain: Domain, line: int) -> None:
+    for atom in atoms:
         if atom.predicate in domain.fluents or atom.predicate in domain.derived:
             raise reader.error(
                 f"stream `{name}` uses `{atom.predicate}`, which actions or axioms change",
-                group.line,
+                line,
                 "streams speak of static and certified predicates only",
             )
-    if not outputs and any(set(a.args) - set(inputs) for a in certified):
+
+
+def _check_guarded(reader: _Reader, name: str, inputs: tuple[str, ...], conditions: Iterable[Atom], line: int) -> None:
+    unguarded = set(inputs) - {arg for atom in conditions for arg in atom.args}
+    if unguarded:
+        raise reader.error(
+            f"input(s) {', '.join(sorted(unguarded))} of stream `{name}` occur in no `:domain` fact", line
+        )
+
+
+def _stream(reader: _Reader, group: Group, domain: Domain) -> Stream:
+    name = reader.symbol(reader.item(group, 1, "the stream's name"), "the stream's name").name
+    parts = reader.sections(group, 2, {":inputs", ":domain", ":outputs", ":certified", ":fluents"})
+    declared = {
+        key: reader.declared(reader.group(parts[key], "a list of variables")) if key in parts else ((), ())
+        for key in (":inputs", ":outputs")
+    }
+    (inputs, input_types), (outputs, output_types) = declared[":inputs"], declared[":outputs"]
+    if set(inputs) & set(outputs):
+        raise reader.error(f"stream `{name}` uses a variable as input and output", group.line)
+    conditions = _typed_atoms(reader, input_types, group.line)
+    if ":domain" in parts:
+        conditions += _atoms(reader, parts[":domain"], frozenset(inputs), f"`:domain` of stream `{name}`")
+    certified = _typed_atoms(reader, output_types, group.line)
+    if ":certified" in parts:
+        scope = frozenset(inputs + outputs)
+        certified += _atoms(reader, parts[":certified"], scope, f"`:certified` of stream `{name}`")
+    if not certified:
+        raise reader.error(f"stream `{name}` certifies nothing", group.line, "add `:certified`")
+    _check_guarded(reader, name, inputs, conditions, group.line)
+    _check_static(reader, name, (*conditions, *certified), domain, group.line)
+    if not outputs and any({v for v in a.args if v.startswith("?")} - set(inputs) for a in certified):
         raise reader.error(f"test `{name}` certifies a fact about variables that are not inputs", group.line)
-    return Stream(name, inputs, conditions, outputs, certified, group.line)
+    fluents = (
+        [reader.symbol(s, "a predicate") for s in reader.group(parts[":fluents"], "predicates").items]
+        if (":fluents" in parts)
+        else []
+    )
+    for fluent in fluents:
+        reader.arity(fluent)
+        if fluent.name not in domain.fluents:
+            raise reader.error(f"no action changes `{fluent.spelling}`", fluent.line, "remove it from `:fluents`")
+    if fluents and not outputs:
+        raise reader.error(f"test `{name}` has `:fluents`", group.line, "give it an output, or use an axiom")
+    return Stream(name, inputs, conditions, outputs, certified, group.line, "stream", tuple(f.name for f in fluents))
+
+
+def _rule(reader: _Reader, group: Group, domain: Domain, number: int) -> Stream:
+    parts = reader.sections(group, 1, {":inputs", ":domain", ":certified"})
+    for key in (":inputs", ":domain", ":certified"):
+        if key not in parts:
+            raise reader.error(f"a rule needs `{key}`", group.line)
+    inputs, types = reader.declared(reader.group(parts[":inputs"], "a list of variables"))
+    conditions = _typed_atoms(reader, types, group.line)
+    conditions += _atoms(reader, parts[":domain"], frozenset(inputs), "`:domain` of a rule")
+    certified = _atoms(reader, parts[":certified"], frozenset(inputs), "`:certified` of a rule")
+    _check_guarded(reader, f"rule {number}", inputs, conditions, group.line)
+    _check_static(reader, f"rule {number}", (*conditions, *certified), domain, group.line)
+    return Stream(f"rule-{number}", inputs, conditions, (), certified, group.line, "rule")
+
+
+def _function(reader: _Reader, group: Group, domain: Domain) -> Stream:
+    """`(:function (Head ?x) conditions)` or the same of a `:predicate`."""
+    if len(group.items) not in (2, 3):
+        raise reader.error(f"`{group.head}` takes a head and its conditions", group.line)
+    declaration = reader.group(group.items[1], "the head")
+    head = reader.symbol(reader.item(declaration, 0, "a name"), "a name")
+    inputs, types = reader.declared(Group(declaration.items[1:], declaration.line))
+    conditions = _typed_atoms(reader, types, group.line)
+    if len(group.items) == 3:
+        conditions += _atoms(reader, group.items[2], frozenset(inputs), f"the conditions of `{head.spelling}`")
+    table = reader.predicates if group.head == ":predicate" else reader.functions
+    if group.head == ":function":
+        table.setdefault(head.name, Predicate(head.name, head.spelling, len(inputs)))
+    if head.name not in table:
+        raise reader.error(f"unknown predicate `{head.spelling}`", head.line, "declare it in the domain")
+    if table[head.name].arity != len(inputs):
+        arity = table[head.name].arity
+        raise reader.error(f"`{head.spelling}` takes {arity} argument(s), not {len(inputs)}", head.line)
+    certified = (Atom(head.name, inputs),)
+    _check_guarded(reader, head.name, inputs, conditions, group.line)
+    if group.head == ":function":
+        _check_static(reader, head.name, conditions, domain, group.line)
+        return Stream(head.name, inputs, conditions, (), certified, group.line, "function")
+    _check_static(reader, head.name, (*conditions, *certified), domain, group.line)
+    return Stream(head.name, inputs, conditions, (), certified, group.line, "predicate")
 
 
 def parse_formula(
@@ -346,7 +602,7 @@ def parse_formula(
 ) -> Formula:
     """Parse one condition (a goal, say) over the domain's predicates."""
     known = frozenset(domain.constants) | {c.lower() for c in constants}
-    reader = _Reader(path, dict(domain.predicates), known)
+    reader = _Reader(path, dict(domain.predicates), known, dict(domain.supertypes))
     try:
         groups = read_groups(text, path)
         if len(groups) != 1:

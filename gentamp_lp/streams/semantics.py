@@ -320,6 +320,20 @@ def precondition_holds(view: View, step: Step) -> bool:
     return view.holds(view.program.preconditions[step.schema], binding)
 
 
+def polarities(program: Program, formula: Formula) -> Iterator[tuple[str, bool]]:
+    """Predicates that a formula reads, directly and through axioms, each with whether it is negated there."""
+    waiting = list(_polarity(normalize(formula)))
+    seen: set[tuple[str, bool]] = set()
+    while waiting:
+        predicate, negative = waiting.pop()
+        if (predicate, negative) in seen:
+            continue
+        seen.add((predicate, negative))
+        yield predicate, negative
+        for axiom in program.axioms.get(predicate, ()):
+            waiting += _polarity(axiom.body, negative)
+
+
 def reads(formula: Formula, program: Program) -> frozenset[str]:
     """Basic predicates (fluent, static, certified) that the truth of a formula depends on."""
     named = {a.predicate for a in atoms(formula)}

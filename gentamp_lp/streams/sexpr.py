@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gentamp_lp.errors import Diagnostic, InputError
 
+MAX_DEPTH = 100
 _TOKEN = re.compile(r"\s+|;[^\n]*|([()])|([^\s();]+)")
 
 
@@ -68,6 +69,8 @@ def read_groups(text: str, path: Path | str | None = None) -> list[Group]:
     for match in _TOKEN.finditer(text):
         bracket, word = match.groups()
         if bracket == "(":
+            if len(stack) == MAX_DEPTH:
+                raise InputError(Diagnostic(f"lists are nested more than {MAX_DEPTH} deep", path, line))
             stack.append((line, []))
         elif bracket == ")":
             if not stack:

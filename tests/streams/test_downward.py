@@ -164,7 +164,7 @@ def test_no_time_at_all(folder: Path, limit: float) -> None:
 
 
 def test_the_translator_may_fail_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(downward, "write_problem", lambda *_: ("(define (domain d)", "nonsense"))
+    monkeypatch.setattr(downward, "write_problem", lambda *_, **__: ("(define (domain d)", "nonsense"))
     with pytest.raises(SolverError, match="translator failed"):
         run()
     assert list(folder.iterdir()) == []

@@ -58,7 +58,7 @@ def test_sorts_join_positions_that_share_a_variable_or_an_entity():
             ":parameter (",
             "unsupported keyword",
         ),
-        ("(Stackable ?o ?s) ", "(Stackable ?o - object ?s) ", "(Stackable ?o -", "types are not supported"),
+        ("(Stackable ?o ?s) ", "(Stackable ?o - block ?s) ", "(Stackable ?o -", "unknown type `block`"),
     ],
 )
 def test_domain_mistakes_are_located(old, new, line, words):
@@ -79,8 +79,8 @@ def test_domain_mistakes_are_located(old, new, line, words):
         ("(define (domain d)))", "without a matching"),
         ("(define (domain d) (:action a :effect))", "no value"),
         ("(define (domain d) (:action a :parameters ()))", "has no `:effect`"),
-        ("(define (domain d) (:durative-action a))", "unsupported section"),
-        ("(define (domain d) (:predicates (P)) (:action a :effect (increase (P) 1)))", "costs and numbers"),
+        ("(define (domain d) (:durative-action a))", "temporal planning is not supported"),
+        ("(define (domain d) (:predicates (P)) (:action a :effect (increase (P) 1)))", "only `total-cost`"),
         (
             "(define (domain d) (:predicates (P)) (:derived (P) (and)) (:action a :effect (P)))",
             "also an effect",

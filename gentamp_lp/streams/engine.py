@@ -1,0 +1,411 @@
+"""The algorithms: plan over what may be, find out what is, until a plan holds.
+
+`adaptive` plans over placeholders for what streams have not given yet (`optimism`), asks only the streams and tests
+that the plan needs (`support`, `binding`), and gives up the hopes that were disappointed until there is no plan without
+them; then it hopes again and tries harder. `incremental` samples every stream level by level and plans over that.
+Either way a plan is returned only after a simulation with the real facts, in which every test that is read is run.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
+from gentamp_lp.streams.binding import Assignment, Binder, Refuted
+from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
+from gentamp_lp.streams.facts import Args, Fact
+from gentamp_lp.streams.formula import Atom
+from gentamp_lp.streams.incremental import run_tests, sample
+from gentamp_lp.streams.language import INF
+from gentamp_lp.streams.optimism import Failure, Hopes, Split, World, hopeful_problem, relevant_streams, split
+from gentamp_lp.streams.problem import Problem
+from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
+from gentamp_lp.streams.support import Needs, plan_needs
+
+#: Placeholders of one call, and steps that chains of calls get longer by, before the search is given up.
+MAX_COPIES = 4
+MAX_LEVELS = 10
+COST_TRIES = 10  # other samples for a plan that is too dear
+FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
+LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
+MAX_OBJECTS = 1000
+FIRST_SLICE = 2.0  # seconds for a first search of an optimistic problem; doubled when it does not suffice
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to search."""
+
+    adaptive: bool = True
+    time_limit: float = INF
+    memory_limit: int = MEMORY_LIMIT
+    max_cost: float = INF
+    max_iterations: float = INF
+    unit_costs: bool = False
+    searches: tuple[str, ...] = SEARCHES
+    planner_time: float = INF
+    seed: int = 0
+    quota: Mapping[str, int] = field(default_factory=dict)
+    eager: frozenset[str] = frozenset()
+    contextual: frozenset[str] = frozenset()
+    opt_costs: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    progress: Callable[[str], None] = lambda _: None
+
+
+@dataclass(frozen=True)
+class Found:
+    """A plan, its cost, the states along it, and what fluent streams certified in them."""
+
+    steps: list[Step]
+    cost: float
+    states: list[State]
+    facts: set[Fact]
+
+
+@dataclass(frozen=True)
+class _Stuck:
+    """Where the execution of a plan fails: at a call in a state, or (None) at a condition."""
+
+    refuted: Refuted | None = None
+    situation: frozenset[Fact] = frozenset()
+    dear: bool = False  # the plan holds but costs too much
+
+
+class Engine:
+    """One search. Not to be used by two threads; two searches do not share anything."""
+
+    def __init__(self, problem: Problem, options: Options) -> None:
+        self.program, self.base, self.state, self.goal = problem.program, problem.base, problem.state, problem.goal
+        self.options = options
+        self.deadline = time.monotonic() + options.time_limit
+        self.rng = random.Random(options.seed)
+        relevant = relevant_streams(self.program, self.goal, self.base)
+        self.streams = [s for s in self.base.streams if not s.decides and s.name in relevant]
+        self.lazy = [s for s in self.streams if options.adaptive or s.fluents]
+        of_state = {a.predicate for s in self.streams if s.fluents for a in s.certified}
+        for stream in self.streams:
+            if not of_state.isdisjoint(a.predicate for a in stream.domain):
+                raise InputError(
+                    Diagnostic(f"stream `{stream.name}` takes what a stream with `:fluents` gives", None, stream.line,
+                               hint="let actions read it instead")
+                )  # fmt: skip
+        self.hopes = Hopes(depth=len(self.streams) + 1)
+        self.searches = options.searches
+        self.few_tests = FEW_TESTS
+        self.exact = False
+        self.effort = 1
+        self.level = 0
+        self.iterations = 0
+        self.slice = min(FIRST_SLICE, options.planner_time)
+        self.planner_seconds = 0.0
+        self._splits: dict[bool, Split] = {}
+        self._expected: list[dict[Fact, float]] = []
+        self._tried: dict[tuple[str, tuple[str, ...]], None] = {}
+
+    def solve(self) -> Found:
+        """Find a plan of at most the maximal cost.
+
+        Raises NoAnswer when there is none with what the streams can give, LimitReached at a limit of time or memory,
+        SolverError when the planner fails.
+        """
+        self._prepare()
+        while True:
+            self.iterations += 1
+            if self.iterations > self.options.max_iterations:
+                raise LimitReached(f"no plan within {self.options.max_iterations} iterations")
+            self._apply_rules()
+            self._show_exhausted()
+            world = World.of(self.base, self.hopes, self.lazy, self.options.opt_costs, self._left)
+            steps = self._plan(world)
+            if steps is None:
+                self._hope_again(world)
+                continue
+            needs = plan_needs(self.program, world, self.state, steps, self.goal)
+            if needs is None:
+                self._mistrust("the planner's plan cannot be explained")
+                continue
+            found = self._complete(world, steps, needs)
+            if found is not None:
+                return found
+
+    def _left(self) -> float:
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise LimitReached("the time limit was reached")
+        return left
+
+    def _prepare(self) -> None:
+        if not self.options.adaptive:
+            self._sample()
+        self._run_tests()
+
+    def _run_tests(self) -> None:
+        """Run the eager tests, and those on few enough objects that the planner knows."""
+        hidden = self.hopes.hidden
+        for stream in {id(s): s for s in self.base.tests.values()}.values():
+            inputs = [args for args in self.base.inputs(stream) if hidden.isdisjoint(args)]
+            if stream.name in self.options.eager or len(inputs) <= self.few_tests:
+                for args in inputs:
+                    self._left()
+                    self.base.run_test(stream, args)
+
+    def _sample(self) -> bool:
+        """One level more of samples, and every test on them."""
+        self.level += 1
+        quota = dict.fromkeys((s.name for s in self.base.streams), 0)
+        quota |= {s.name: self.level * self.options.quota.get(s.name, 1) for s in self.streams}
+        grew = sample(self.base, quota, self.deadline)
+        run_tests(self.base, self.deadline)
+        self.options.progress(f"level {self.level}: {len(self.base.values)} objects")
+        return grew
+
+    def _apply_rules(self) -> None:
+        """Draw all consequences of rules."""
+        rules = [s for s in self.streams if s.kind == "rule"]
+        grew = True
+        while grew:
+            grew = any(
+                self.base.draw(rule, inputs) is not None
+                for rule in rules
+                for inputs in self.base.inputs(rule)
+                if not self.base.exhausted(rule, inputs)
+            )
+            self._left()
+
+    def _plan(self, world: World) -> list[Step] | None:
+        if self.exact not in self._splits:
+            self._splits[self.exact] = split(self.program, self.goal, self.base, self.exact)
+        task = self._splits[self.exact]
+        program, base = hopeful_problem(task, world)
+        costs = self.options
+        while True:
+            start = time.monotonic()
+            limit = min(self._left(), self.slice)
+            try:
+                steps = search(
+                    program, base, self.state, task.goal, time_limit=limit, searches=self.searches,
+                    memory_limit=costs.memory_limit, max_cost=costs.max_cost, unit_costs=costs.unit_costs,
+                )  # fmt: skip
+            except MemoryLimitReached:
+                raise
+            except LimitReached:
+                if self.slice >= self.options.planner_time:
+                    raise
+                self.slice = min(2 * self.slice, self.options.planner_time)
+                continue
+            finally:
+                self.planner_seconds += time.monotonic() - start
+            if time.monotonic() - start > limit / 2:  # the first search used its share up in vain
+                self.searches = (*self.searches[1:], self.searches[0])
+            length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
+            self.options.progress(
+                f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
+                f"calls assumed ({time.monotonic() - start:.2f} s)"
+            )
+            return steps
+
+    def _hope_again(self, world: World) -> None:
+        """There is no plan: try harder, or raise NoAnswer when nothing is left to be tried."""
+        if self.hopes.clear():
+            self.effort *= 2
+            self._reveal()
+            self.options.progress(f"no plan without what was given up: trying again with effort {self.effort}")
+        elif not self.exact and any(negated for _, _, negated in self._splits[False].uses):
+            self.exact = True
+        elif not self.options.adaptive and self._more_samples():
+            pass
+        elif self.options.adaptive and world.made and self.hopes.copies < MAX_COPIES:
+            self.hopes.copies *= 2
+            self.hopes.depth += 1
+            self.options.progress(f"no plan: assuming {self.hopes.copies} outputs of each stream call")
+        elif self.options.adaptive and world.made and self._sample_all():
+            pass
+        elif world.made:
+            raise NoAnswer("no plan, even if all tests and streams not tried yet gave what is wished for")
+        else:
+            raise NoAnswer("no plan: all streams are exhausted")
+
+    def _more_samples(self) -> bool:
+        if self.level >= MAX_LEVELS and self.options.time_limit == INF:
+            raise NoAnswer(f"no plan within {self.level} levels of samples")
+        return self._sample()
+
+    def _sample_all(self) -> bool:
+        """Samples of every stream, shown to the planner: one of them may be an object that the problem names."""
+        if self.level >= LAST_RESORT or len(self.base.values) > MAX_OBJECTS:
+            return False
+        draws = 10**self.level
+        self.level += 1
+        self.hopes.hidden.clear()
+        self.options.progress(f"no plan over what may be: drawing {draws} sample(s) of each stream call")
+        quota = {s.name: draws if s in self.streams else 0 for s in self.base.streams}
+        return sample(self.base, quota, self.deadline)
+
+    def _reveal(self) -> None:
+        """Show the planner what the streams of unsuccessful plans have given."""
+        if self.effort < 4:
+            return
+        for name, inputs in self._tried:
+            stream = next(s for s in self.streams if s.name == name)
+            if not stream.fluents:
+                for outputs in self.base.drawn_outputs(stream, inputs)[: self.effort]:
+                    self.hopes.hidden.difference_update(outputs)
+
+    def _mistrust(self, what: str) -> None:
+        """Read tests exactly from now on. Raises SolverError when that was done already."""
+        if self.exact:
+            raise SolverError(f"{what}: this is a mistake in the engine, please report it")
+        self.exact = True
+
+    def _complete(self, world: World, steps: list[Step], needs: Needs) -> Found | None:
+        """Call the streams and tests that a plan needs; on failure, remember why."""
+        base = self.base
+        known = [(f, value) for f, value in sorted(needs.literals) if all(a in base.values for a in f[1:])]
+        wrong = [1 for fact, value in known if (self._left(), base.truth(fact[0], fact[1:]))[1] != value]
+        if wrong:
+            self.options.progress(f"  {len(wrong)} of {len(known)} tests came out otherwise")
+            self.few_tests *= 4
+            self._run_tests()
+            return None
+        before = set(base.values)
+        result = self._bind(world, steps, needs)
+        if self.options.adaptive:
+            self.hopes.hidden |= self.base.values.keys() - before
+            self._tried |= {
+                (call.stream.name, call.inputs): None
+                for call in needs.calls.values()
+                if all(name in base.values for name in call.inputs)
+            }
+        if isinstance(result, _Stuck):
+            self._give_up(world, needs, result)
+            return None
+        return result
+
+    def _bind(self, world: World, steps: list[Step], needs: Needs) -> Found | _Stuck:
+        """Values for a plan's placeholders that make it a plan, and not too dear a one."""
+        cursor: Counter[tuple[str, Args]] = Counter()
+        for _ in range(COST_TRIES * self.effort):
+            contextual = set(self.options.contextual)
+            binder = Binder(self.base, needs, self.deadline, self.effort, self.rng, contextual, cursor)
+            bound = binder.solve()
+            if isinstance(bound, Refuted):
+                return _Stuck(bound)
+            result = self._execute(world, steps, needs, bound)
+            if isinstance(result, _Stuck) or result.cost <= self.options.max_cost + 1e-9:
+                return result
+            expected = self._learn_costs(world, steps, bound)
+            if not expected:
+                return _Stuck(dear=True)
+            self._expected.append(expected)
+        for fact in {fact for costs in self._expected for fact in costs}:
+            self.hopes.costs[fact] = min(costs[fact] for costs in self._expected if fact in costs)
+        self._expected.clear()
+        return _Stuck(dear=True)
+
+    def _show_exhausted(self) -> None:
+        """Samples stay unknown to the planner unless they are all that there is."""
+        hidden = self.hopes.hidden
+        growing = bool(hidden)
+        while growing:
+            size = len(hidden)
+            for stream in self.streams:
+                for inputs in () if stream.fluents else self.base.inputs(stream):
+                    if hidden.isdisjoint(inputs) and self.base.exhausted(stream, inputs):
+                        hidden.difference_update(*self.base.drawn_outputs(stream, inputs))
+            growing = len(hidden) < size
+
+    def _give_up(self, world: World, needs: Needs, stuck: _Stuck) -> None:
+        hopes, refuted = self.hopes, stuck.refuted
+        match refuted:
+            case None if stuck.dear:
+                text = f"the plan costs more than {self.options.max_cost:.3f}"
+                if not needs.calls:
+                    raise SolverError("the planner's costs are not those of the plan: please report it")
+            case Refuted(call=call) if call is not None and call.stream.fluents:
+                exact = self.effort > 1
+                binding = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
+                for atom in call.stream.certified:
+                    fact = (atom.predicate, *(binding.get(a, a) for a in atom.args))
+                    hopes.in_state.append(Failure(fact, stuck.situation, call.stream.fluents, exact))
+                text = f"{call.stream.name} gives nothing in this state"
+            case Refuted(call=call) if call is not None:
+                hopes.calls.add(call.key)
+                text = f"{call.stream.name}({', '.join(call.inputs)}) gives nothing that fits"
+            case Refuted(literal=literal) if literal is not None:
+                hopes.literals.add(literal)
+                text = f"{' '.join(literal[0])} stays {'false' if literal[1] else 'true'}"
+            case _:
+                text = "the real facts refute the plan"
+                if not self.exact or not needs.calls:
+                    self._mistrust(text)
+                else:
+                    hopes.calls |= needs.calls.keys()
+        self.options.progress(f"  {text}")
+
+    def _execute(self, world: World, steps: list[Step], needs: Needs, bound: Assignment) -> Found | _Stuck:
+        """Simulate the plan with real values; streams that depend on the state are called in it."""
+        state, states, found, certified, cost = self.state, [self.state], [], set(), 0.0
+        optimistic = self._optimistic_states(world, steps)
+        for step, before in zip(steps, optimistic, strict=True):
+            self._left()
+            binding: dict[str, str] = dict(bound)
+            facts: set[Fact] = set()
+            for call in (world.call_of[name] for name in step.args if name in world.call_of):
+                if not call.stream.fluents or call.outputs[0] in binding:
+                    continue
+                inputs = tuple(binding.get(name, name) for name in call.inputs)
+                given = sorted(fact for fact in state if fact[0] in call.stream.fluents)
+                answer = self.base.call_in_state(call.stream, inputs, given)
+                if answer is None:
+                    situation = frozenset(fact for fact in before if fact[0] in call.stream.fluents)
+                    return _Stuck(Refuted(call=call), situation)
+                binding |= zip(call.outputs, answer[0], strict=True)
+                facts |= answer[1]
+            real = Step(step.schema, tuple(binding.get(name, name) for name in step.args))
+            view = View(self.program, self.base, state | facts)
+            if not precondition_holds(view, real):
+                return _Stuck()
+            amount = self._cost(real)
+            if amount is None:
+                return _Stuck()
+            cost += amount
+            certified |= facts
+            state = apply(view, real) - facts
+            states.append(state)
+            found.append(real)
+        if not View(self.program, self.base, state).holds(self.goal):
+            return _Stuck()
+        return Found(found, cost, states, certified)
+
+    def _optimistic_states(self, world: World, steps: list[Step]) -> list[State]:
+        """States before each step, with placeholders."""
+        states = [self.state]
+        for step in steps:
+            states.append(apply(View(self.program, world, states[-1]), step))
+        return states[:-1]
+
+    def _cost(self, step: Step) -> float | None:
+        schema = self.program.domain.action(step.schema)
+        if self.options.unit_costs or not any(a.cost for a in self.program.domain.actions):
+            return 1.0
+        if not isinstance(schema.cost, Atom):
+            return schema.cost
+        binding = dict(zip(schema.parameters, step.args, strict=True))
+        return self.base.cost(schema.cost.predicate, tuple(binding.get(a, a) for a in schema.cost.args))
+
+    def _learn_costs(self, world: World, steps: list[Step], bound: Assignment) -> dict[Fact, float]:
+        """What functions of placeholders came to in a plan."""
+        found: dict[Fact, float] = {}
+        for step in steps:
+            schema = self.program.domain.action(step.schema)
+            if isinstance(schema.cost, Atom):
+                binding = dict(zip(schema.parameters, step.args, strict=True))
+                args = tuple(binding.get(a, a) for a in schema.cost.args)
+                value = self.base.cost(schema.cost.predicate, tuple(bound.get(a, a) for a in args))
+                if value is not None and any(a in world.call_of for a in args):
+                    found[(schema.cost.predicate, *args)] = value + 1 / COST_SCALE
+        return found

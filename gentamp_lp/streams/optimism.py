@@ -1,0 +1,413 @@
+"""What a planner may hope for: outputs that streams have not given yet, and tests that have not been run.
+
+A `World` holds the facts known so far together with optimistic ones: for every call of a stream that is possible on
+known or hoped-for inputs, placeholders for its outputs and the facts it would certify. A test not run yet has no truth
+value; `split` turns the domain into one where such a test counts as true wherever that helps and as false wherever that
+does, so that the planner misses no plan. What a plan hopes for is then found out by calling streams and running tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+
+from gentamp_lp.errors import LimitReached
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Formula,
+    Not,
+    Or,
+    atoms,
+    conjuncts,
+    free_variables,
+    normalize,
+    substitute,
+)
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Stream
+from gentamp_lp.streams.semantics import Program
+
+Literal = tuple[Fact, bool]
+MAX_CALLS = 100_000
+
+
+@dataclass(frozen=True)
+class Placeholder:
+    """Stands for a value that is not sampled yet, where a cost is to be bounded."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Call:
+    """A stream call not made yet; `outputs` are placeholders, `requires` tests that its inputs have to pass."""
+
+    stream: Stream
+    inputs: Args
+    copy: int
+    outputs: Args
+    requires: tuple[Fact, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, Args, int]:
+        """What identifies the call."""
+        return self.stream.name, self.inputs, self.copy
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A fact that a fluent stream could not certify in a state with these facts of the `fluents`.
+
+    `exact`: in states with no others; else in states with more of them, too.
+    """
+
+    fact: Fact
+    situation: frozenset[Fact]
+    fluents: tuple[str, ...]
+    exact: bool
+
+    def axiom(self, domain: Domain) -> Axiom:
+        """The rule by which a planner knows the failure again."""
+        variables = tuple(f"?x{i}" for i in range(len(self.fact) - 1))
+        conditions: list[Formula] = [Atom("=", (v, a)) for v, a in zip(variables, self.fact[1:], strict=True)]
+        conditions += [Atom(f[0], f[1:]) for f in sorted(self.situation)]
+        for fluent in self.fluents if self.exact else ():
+            others = tuple(f"?y{i}" for i in range(domain.predicates[fluent].arity))
+            same = [
+                And(tuple(Atom("=", (v, a)) for v, a in zip(others, f[1:], strict=True)))
+                for f in sorted(self.situation)
+                if f[0] == fluent
+            ]
+            conditions.append(Not(Exists(others, And((Atom(fluent, others), *map(Not, same))))))
+        return Axiom(Atom(f"given-up-{self.fact[0]}", variables), And(tuple(conditions)))
+
+    def names(self) -> set[str]:
+        """All entities it is about."""
+        return {a for f in (self.fact, *self.situation) for a in f[1:]}
+
+
+@dataclass
+class Hopes:
+    """What optimism has been given up for now, and how far it reaches."""
+
+    literals: set[Literal] = field(default_factory=set)
+    costs: dict[Fact, float] = field(default_factory=dict)  # what functions of placeholders turned out to be
+    calls: set[tuple[str, Args, int]] = field(default_factory=set)
+    in_state: list[Failure] = field(default_factory=list)
+    hidden: set[str] = field(default_factory=set)  # sampled, but not shown to the planner
+    copies: int = 1
+    depth: int = 1
+    names: dict[tuple[str, Args, int], Args] = field(default_factory=dict)
+    counter: Iterator[int] = field(default_factory=lambda: count(1))
+
+    def clear(self) -> bool:
+        """Hope for everything again; False when nothing had been given up."""
+        exact = [failure for failure in self.in_state if failure.exact]
+        given_up = bool(self.literals or self.calls or self.costs or len(exact) < len(self.in_state))
+        self.literals.clear()
+        self.costs.clear()
+        self.calls.clear()
+        self.in_state = exact
+        return given_up
+
+
+@dataclass
+class World(FactBase):
+    """Known and optimistic facts."""
+
+    real: FactBase = field(kw_only=True)
+    hopes: Hopes = field(kw_only=True)
+    check_time: Callable[[], object] = field(kw_only=True)  # raises LimitReached at the deadline
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.maker: dict[Fact, Call] = {}
+        self.call_of: dict[str, Call] = {}
+        self.made: set[tuple[str, Args, int]] = set()
+        self._opinions: dict[Fact, bool | None] = {}
+
+    @classmethod
+    def of(
+        cls,
+        base: FactBase,
+        hopes: Hopes,
+        lazy: Iterable[Stream],
+        opt_costs: Mapping[str, Callable[..., float]],
+        check_time: Callable[[], object],
+    ) -> World:
+        """All that is known and not hidden, and what calls of the `lazy` streams might add."""
+        hidden = hopes.hidden
+        world = cls(
+            base.domain, (*base.streams, *base.functions.values()), base.generators,
+            {name: value for name, value in base.values.items() if name not in hidden},
+            base.sorts, {}, base.statistics, real=base, hopes=hopes, check_time=check_time,
+        )  # fmt: skip
+        for predicate, relation in base.static.items():
+            rows = relation.rows if not hidden else [r for r in relation.rows if hidden.isdisjoint(r)]
+            world.static[predicate] = Relation(rows)
+        streams = list(lazy)
+        for _ in range(hopes.depth):
+            if not [call for stream in streams for call in world._hope_for(stream)]:
+                break
+        for name, stream in base.functions.items():
+            for args in world.inputs(stream):
+                fact = (name, *args)
+                if all(a in base.values for a in args):
+                    base.cost(name, args)
+                elif fact in hopes.costs:
+                    world.costs[fact] = hopes.costs[fact]
+                else:
+                    bound = opt_costs.get(name)
+                    world.costs[fact] = float(bound(*(world.values[a] for a in args))) if bound else 0.0
+        world.costs |= base.costs
+        return world
+
+    def _hope_for(self, stream: Stream) -> Iterator[Call]:
+        """New calls of a stream, their facts added."""
+        real = self.real
+        for inputs in self.inputs(stream):
+            self.check_time()
+            known = all(name in real.values for name in inputs)
+            if known and not stream.fluents and real.exhausted(stream, inputs):
+                continue
+            for copy in range(self.hopes.copies if stream.outputs else 1):
+                key = (stream.name, inputs, copy)
+                if key in self.hopes.calls:
+                    continue
+                if key not in self.hopes.names:
+                    self.hopes.names[key] = tuple(f"{v[1:]}-opt{next(self.hopes.counter)}" for v in stream.outputs)
+                outputs = self.hopes.names[key]
+                if key in self.made:
+                    continue
+                if len(self.made) > MAX_CALLS:
+                    raise LimitReached(f"more than {MAX_CALLS} optimistic stream outputs")
+                binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
+                tests = [a for a in stream.domain if a.predicate in self.tests]
+                facts = [(a.predicate, *bind(a, binding)) for a in tests]
+                call = Call(stream, inputs, copy, outputs, tuple(f for f in facts if self.opinion(f) is None))
+                self.made.add(key)
+                for name in outputs:
+                    self.call_of[name] = call
+                    self.values[name] = Placeholder(name)
+                for atom in stream.certified:
+                    fact = (atom.predicate, *bind(atom, binding))
+                    if self.add(fact):
+                        self.maker[fact] = call
+                yield call
+
+    def opinion(self, fact: Fact) -> bool | None:
+        """Whether a test fact is true as far as is known or given up, None if it may turn out either way."""
+        predicate, *rest = fact
+        args = tuple(rest)
+        if args in self.relation(predicate):
+            return True
+        known = self.real.known(predicate, args)
+        if known is not None:
+            return known
+        if (fact, True) in self.hopes.literals:
+            return False
+        if (fact, False) in self.hopes.literals:
+            return True
+        if fact not in self._opinions:
+            self._opinions[fact] = None if self._meets_conditions(fact) else False
+        return self._opinions[fact]
+
+    def _meets_conditions(self, fact: Fact) -> bool:
+        stream = self.tests[fact[0]]
+        head = next(a.args for a in stream.certified if a.predicate == fact[0])
+        binding = dict(zip(head, fact[1:], strict=True))
+        return all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain)
+
+    def truth(self, predicate: str, args: Args) -> bool:
+        """Whether a fact is or may become true."""
+        if args in self.relation(predicate):
+            return True
+        return predicate in self.tests and self.opinion((predicate, *args)) is not False
+
+    def candidates(self, predicate: str) -> Iterator[Args]:
+        """Arguments on which a test might be run."""
+        stream = self.tests[predicate]
+        head = next(atom for atom in stream.certified if atom.predicate == predicate)
+        for inputs in self.inputs(stream):
+            self.check_time()
+            yield bind(head, dict(zip(stream.inputs, inputs, strict=True)))
+
+    def _rows(self, atom: Atom, binding: Mapping[str, str]) -> list[Args]:
+        pattern = tuple(binding.get(a) if a.startswith("?") else a for a in atom.args)
+        rows = self.relation(atom.predicate).matches(pattern)
+        if atom.predicate not in self.tests:
+            return rows
+        if None not in pattern:
+            row = tuple(str(name) for name in pattern)
+            return [row] if self.truth(atom.predicate, row) else []
+        more = (
+            row
+            for row in self.candidates(atom.predicate)
+            if all(p is None or p == v for p, v in zip(pattern, row, strict=True)) and self.truth(atom.predicate, row)
+        )
+        return list(dict.fromkeys([*rows, *more]))
+
+
+@dataclass(frozen=True)
+class Split:
+    """A domain in which every test is read hopefully.
+
+    A test, and a derived predicate that depends on one, becomes two predicates: the hopeful one where its truth helps
+    to make a condition true, the doubtful one (`-low`) where it hinders. `uses` lists the (test, hopeful, negated)
+    predicates that occur.
+    """
+
+    program: Program
+    goal: Formula
+    uses: frozenset[tuple[str, bool, bool]]
+
+
+def split(program: Program, goal: Formula, base: FactBase, exact: bool = False) -> Split:
+    """Compile the hopeful reading. `exact`: mind that a test fails where its stream's conditions do not hold."""
+    splitter = _Splitter(program, base, exact)
+    actions, named = [], []
+    for schema in program.domain.actions:
+        effects = tuple(
+            replace(e, condition=splitter.read(normalize(e.condition), True)) if e.condition != And(()) else e
+            for e in schema.effects
+        )
+        precondition, more = _name_denials(splitter.read(program.preconditions[schema.name], True), schema, program)
+        named += more
+        actions.append(replace(schema, precondition=precondition, effects=effects))
+    goal = splitter.read(normalize(goal), True)
+    axioms = splitter.axioms()
+    domain = replace(program.domain, actions=tuple(actions), axioms=(*axioms, *named))
+    return Split(Program.of(domain), goal, frozenset(splitter.uses))
+
+
+def _name_denials(precondition: Formula, schema: ActionSchema, program: Program) -> tuple[Formula, list[Axiom]]:
+    """Give names to what a precondition says does not exist, restricted by the static facts that it also demands.
+
+    A planner would name it too, but for all objects instead of those that the action can be about.
+    """
+    changing = program.domain.fluents | program.axioms.keys()
+    parts = conjuncts(precondition)
+    static = [a for a in parts if isinstance(a, Atom) and a.predicate not in changing and a.predicate != "="]
+    found: list[Formula] = []
+    axioms: list[Axiom] = []
+    for part in parts:
+        free = tuple(sorted(free_variables(part)))
+        if not isinstance(part, Not) or not isinstance(part.body, Exists) or not free:
+            found.append(part)
+            continue
+        head = Atom(f"denied-{schema.name}-{len(axioms)}", free)
+        about = [a for a in static if set(a.args) & set(free)]
+        others = tuple(sorted({v for a in about for v in free_variables(a)} - set(free)))
+        guard = Exists(others, And(tuple(about))) if others else And(tuple(about))
+        axioms.append(Axiom(head, And((guard, part.body)), schema.line))
+        found.append(Not(head))
+    return And(tuple(found)), axioms
+
+
+class _Splitter:
+    def __init__(self, program: Program, base: FactBase, exact: bool) -> None:
+        self.program = program
+        self.base = base
+        self.exact = exact
+        self.uses: set[tuple[str, bool, bool]] = set()
+        self.heads: dict[tuple[str, bool], None] = {}
+        self.of_state = {a.predicate for s in base.streams if s.fluents for a in s.certified}
+
+    def axioms(self) -> list[Axiom]:
+        """The axioms of all heads that were read, which may read others."""
+        found: list[Axiom] = []
+        done: set[tuple[str, bool]] = set()
+        while waiting := [key for key in self.heads if key not in done]:
+            for name, hopeful in waiting:
+                done.add((name, hopeful))
+                for axiom in self.program.axioms[name]:
+                    head = Atom(self.derived(name, hopeful), axiom.head.args)
+                    found.append(Axiom(head, self.read(axiom.body, hopeful), axiom.line))
+        return found
+
+    def derived(self, name: str, hopeful: bool) -> str:
+        return name if hopeful or not self.doubtful(name) else f"{name}-low"
+
+    def doubtful(self, name: str) -> bool:
+        """Whether a derived predicate depends on tests, or on facts that only hold in a state."""
+        return not self.program.basis[name].isdisjoint(self.base.tests.keys() | self.of_state)
+
+    def read(self, formula: Formula, hopeful: bool) -> Formula:
+        """A normalized formula whose truth is hoped for (or feared)."""
+        match formula:
+            case Atom(predicate, args):
+                if predicate in self.base.tests:
+                    self.uses.add((predicate, hopeful, False))
+                    return Atom(predicate if hopeful else f"{predicate}-low", args)
+                if predicate in self.program.axioms:
+                    self.heads[predicate, hopeful or not self.doubtful(predicate)] = None
+                    return Atom(self.derived(predicate, hopeful), args)
+                if predicate in self.of_state and hopeful:
+                    return And((formula, Not(Atom(f"given-up-{predicate}", args))))
+                return formula
+            case Not(Atom(predicate, args)) if predicate in self.base.tests:
+                self.uses.add((predicate, hopeful, True))
+                refuted = Atom(f"no-{predicate}" if hopeful else f"no-{predicate}-low", args)
+                if not self.exact:
+                    return refuted
+                stream = self.base.tests[predicate]
+                head = next(a.args for a in stream.certified if a.predicate == predicate)
+                binding = dict(zip(head, args, strict=True))
+                conditions = (Not(substitute(atom, binding)) for atom in stream.domain)
+                return Or((refuted, *(self.read(c, hopeful) for c in conditions)))
+            case Not(body):
+                return Not(self.read(body, not hopeful))
+            case And(parts):
+                return And(tuple(self.read(part, hopeful) for part in parts))
+            case Or(parts):
+                return Or(tuple(self.read(part, hopeful) for part in parts))
+            case Exists(variables, body):
+                return Exists(variables, self.read(body, hopeful))
+        raise AssertionError(f"not normalized: {formula}")
+
+
+def hopeful_problem(split: Split, world: World) -> tuple[Program, FactBase]:
+    """The domain and the facts to be sent to a planner that knows nothing of streams and tests."""
+    base = FactBase(split.program.domain, (), {}, world.values, {}, dict(world.static))
+    base.costs = world.costs
+    for predicate, hopeful, negated in split.uses:
+        name = f"no-{predicate}" if negated else predicate
+        rows = base.static[name if hopeful else f"{name}-low"] = Relation()
+        if not negated:
+            rows.rows.update(world.relation(predicate).rows)
+        if negated and not hopeful:  # few are refuted
+            tried = [*world.real.refuted(predicate)]
+            given_up = [f[1:] for f, value in world.hopes.literals if f[0] == predicate and value]
+            possible: Iterable[Args] = [r for r in (*tried, *given_up) if all(a in world.values for a in r)]
+        elif not negated and not hopeful:
+            possible = [f[1:] for f, value in world.hopes.literals if f[0] == predicate and not value]
+        else:
+            possible = world.candidates(predicate)
+        wanted = (None, not negated) if hopeful else (not negated,)
+        for args in possible:
+            if world.opinion((predicate, *args)) in wanted:
+                rows.add(args)
+    failures = [f for f in world.hopes.in_state if f.names() <= world.values.keys()]
+    axioms = [failure.axiom(split.program.domain) for failure in failures]
+    return (Program.of(split.program.domain, axioms) if axioms else split.program), base
+
+
+def relevant_streams(program: Program, goal: Formula, base: FactBase) -> set[str]:
+    """Streams whose facts some condition reads, directly or as inputs of others."""
+    formulas = [goal, *program.preconditions.values(), *(a.body for rows in program.axioms.values() for a in rows)]
+    formulas += [e.condition for a in program.domain.actions for e in a.effects]
+    waiting = {a.predicate for f in formulas for a in atoms(f)}
+    waiting |= {a.predicate for f in base.functions.values() for a in f.domain}
+    found: set[str] = set()
+    seen: set[str] = set()
+    while waiting:
+        predicate = waiting.pop()
+        seen.add(predicate)
+        below = {p for p, above in program.domain.supertypes.items() if predicate in above}
+        streams = [s for s in base.streams if {a.predicate for a in s.certified} & (below | {predicate})]
+        found |= {s.name for s in streams}
+        waiting |= {a.predicate for s in streams for a in s.domain} - seen
+    return found

@@ -1,0 +1,120 @@
+"""Planning an instance without a policy: by the embedded engine, or by the original PDDLStream where it is at hand."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from gentamp_lp.errors import Diagnostic, InputError, NoAnswer, SolverError
+from gentamp_lp.streams.engine import Engine, Options
+from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or
+from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.naming import Names
+from gentamp_lp.streams.pddl import Stream
+from gentamp_lp.streams.problem import Problem
+from gentamp_lp.streams.semantics import Step, polarities
+from gentamp_lp.task import Instance
+
+
+def plan_unguided(
+    instance: Instance, algorithm: str | None, engine: str, time_limit: float, progress: Callable[[str], None]
+) -> list[Step]:
+    """A plan for an instance, by an algorithm (see `choose`) of the `embedded` engine or of `pddlstream`.
+
+    Raises NoAnswer, LimitReached, SolverError; InputError when PDDLStream is missing.
+    """
+    algorithm = algorithm or choose(instance)
+    if engine == "pddlstream":
+        return _pddlstream(instance, algorithm, time_limit)
+    task = instance.task
+    if algorithm == "incremental":
+        return solve_incremental(
+            task.program, instance.base, instance.state, task.goal,
+            quota=task.file.samples, time_limit=time_limit, progress=progress,
+        )  # fmt: skip
+    problem = Problem(task.program, instance.base, instance.state, task.goal, Names())
+    return Engine(problem, Options(time_limit=time_limit, seed=instance.seed, progress=progress)).solve().steps
+
+
+def choose(instance: Instance) -> str:
+    """`adaptive`, which asks less of the streams, unless the goal says something about all samples.
+
+    Such a goal (nothing fits any more, say) means the more the more samples there are, so everything is sampled.
+    """
+    task = instance.task
+    read = set(polarities(task.program, task.goal))
+    return "incremental" if any((p, True) in read for p in instance.base.makers) else "adaptive"
+
+
+@dataclass(frozen=True)
+class Entity:
+    """What PDDLStream is given for a value: our name for it."""
+
+    name: str
+
+
+def _pddlstream(instance: Instance, algorithm: str, time_limit: float) -> list[Step]:
+    """Run the same problem on the original; its streams draw from the instance, so that the plan can be validated."""
+    try:
+        from pddlstream.algorithms.meta import solve
+        from pddlstream.language.constants import PDDLProblem
+        from pddlstream.language.generator import from_gen_fn, from_test
+    except ImportError as error:
+        hint = "put github.com/caelan/pddlstream on PYTHONPATH and compile its planner, or use --engine embedded"
+        raise InputError(Diagnostic(f"PDDLStream cannot be imported: {error}", hint=hint)) from None
+    base, folder = instance.base, instance.task.folder
+    streams = {s.name: from_test(_test(s, instance)) if s.is_test else from_gen_fn(_generator(s, instance))
+               for s in base.streams}  # fmt: skip
+    known = [(p, *row) for p in folder.domain.predicates for row in base.relation(p).rows]
+    init = [(f[0], *map(Entity, f[1:])) for f in (*known, *sorted(instance.state))]
+    constants = {name: Entity(name) for name in folder.domain.constants}
+    text = (folder.path / "stream.pddl").read_text(encoding="utf-8")
+    problem = PDDLProblem(folder.domain.text, constants, text, streams, init, _expression(instance.task.goal))
+    with tempfile.TemporaryDirectory(prefix="gentamp-pddlstream-") as here, contextlib.chdir(here):
+        try:
+            plan, _, _ = solve(problem, algorithm=algorithm, max_time=time_limit, verbose=False)
+        except SystemExit as error:  # its way to report a mistake in PDDL
+            raise SolverError(f"PDDLStream exited: {error}") from None
+    if plan is None:
+        raise NoAnswer("PDDLStream found no plan (it does not tell whether there is none or a limit was reached)")
+    return [Step(action.name, tuple(entity.name for entity in action.args)) for action in plan]
+
+
+def _names(inputs: tuple[Entity, ...]) -> tuple[str, ...]:
+    return tuple(entity.name for entity in inputs)
+
+
+def _test(stream: Stream, instance: Instance) -> Callable[..., bool]:
+    atom = stream.certified[0]
+
+    def test(*inputs: Entity) -> bool:
+        binding = dict(zip(stream.inputs, _names(inputs), strict=True))
+        return instance.base.truth(atom.predicate, tuple(binding.get(a, a) for a in atom.args))
+
+    return test
+
+
+def _generator(stream: Stream, instance: Instance) -> Callable[..., Iterator[tuple[Entity, ...] | None]]:
+    def generate(*inputs: Entity) -> Iterator[tuple[Entity, ...] | None]:
+        names = _names(inputs)
+        while not instance.base.exhausted(stream, names):
+            outputs = instance.base.draw(stream, names)
+            yield None if outputs is None else tuple(map(Entity, outputs))
+
+    return generate
+
+
+def _expression(formula: Formula) -> tuple[Any, ...]:
+    """A formula as PDDLStream writes it in Python."""
+    match formula:
+        case Atom(predicate, args):
+            return (predicate, *(a if a.startswith("?") else Entity(a) for a in args))
+        case Not(body):
+            return ("not", _expression(body))
+        case And(parts) | Or(parts):
+            return ("and" if isinstance(formula, And) else "or", *map(_expression, parts))
+        case Exists(variables, body) | Forall(variables, body):
+            return ("exists" if isinstance(formula, Exists) else "forall", list(variables), _expression(body))

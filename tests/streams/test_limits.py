@@ -1,0 +1,103 @@
+"""Limits and interruptions of `solve`: in time, told apart, and nothing is left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gentamp_lp.errors import LimitReached, MemoryLimitReached
+from gentamp_lp.streams import ALGORITHMS, PDDLProblem, from_gen_fn, from_test, solve
+from gentamp_lp.streams.downward import search
+from gentamp_lp.task import Task
+
+HARD = """(define (domain hard) (:predicates (Item ?i) (Spot ?i ?x) (Big ?x) (On ?i ?x))
+  (:action put :parameters (?i ?x) :precondition (and (Spot ?i ?x) (Big ?x)) :effect (On ?i ?x)))"""
+HARD_STREAMS = """(define (stream hard)
+  (:stream spot :inputs (?i) :domain (Item ?i) :outputs (?x) :certified (Spot ?i ?x))
+  (:stream big :inputs (?i ?x) :domain (Spot ?i ?x) :certified (Big ?x)))"""
+
+
+def hopeless(pause: float) -> PDDLProblem:
+    """Endless samples, none of which is big."""
+
+    def spots(_: str) -> object:
+        number = 0
+        while True:
+            time.sleep(pause)
+            number += 1
+            yield (number,)
+
+    functions = {"spot": from_gen_fn(spots), "big": from_test(lambda i, x: False)}
+    return PDDLProblem(HARD, {}, HARD_STREAMS, functions, [("Item", "a")], ("exists", ["?x"], ("On", "a", "?x")))
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize(("limit", "pause"), [(0.0, 0.0), (0.8, 0.0), (0.8, 0.05)])
+def test_time_limits_are_kept(algorithm: str, limit: float, pause: float) -> None:
+    start = time.monotonic()
+    result = solve(hopeless(pause), algorithm, max_time=limit)
+    assert result.status == "time limit" and result.plan is None
+    assert time.monotonic() - start < 1.05 * limit + 1
+
+
+def test_a_memory_limit_is_not_a_time_limit() -> None:
+    result = solve(hopeless(0.0), max_memory=16_000, max_time=20)
+    assert result.status == "memory limit"
+    task = Task.load("load")
+    instance = task.instance("2-3", 0)
+    with pytest.raises(MemoryLimitReached):
+        search(task.program, instance.base, instance.state, task.goal, time_limit=20, memory_limit=24 * 2**20)
+    assert issubclass(MemoryLimitReached, LimitReached) and MemoryLimitReached.exit_code == 3
+
+
+INTERRUPTED = """
+import sys, tempfile
+sys.path.insert(0, sys.argv[1])
+tempfile.tempdir = sys.argv[2]
+from test_limits import hopeless
+from gentamp_lp.streams import solve
+print("ready", flush=True)
+solve(hopeless(0.0), sys.argv[3])
+"""
+
+
+@pytest.mark.parametrize("algorithm", ["adaptive", pytest.param("incremental", marks=pytest.mark.slow)])
+def test_an_interruption_leaves_nothing(tmp_path: Path, algorithm: str) -> None:
+    here = str(Path(__file__).parent)
+    child = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, here, str(tmp_path), algorithm],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    time.sleep(1)
+    child.send_signal(signal.SIGINT)
+    _, messages = child.communicate(timeout=10)
+    assert "KeyboardInterrupt" in messages
+    assert list(tmp_path.iterdir()) == []
+    deadline = time.monotonic() + 5  # children are killed by the system once their parent is gone
+    while (left := _alive(child.pid)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert left == []
+
+
+def _alive(session: int) -> list[Path]:
+    """Processes of a session that have not ended."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, _, its_session = path.read_text().rsplit(")", 1)[1].split()[:4]
+        except OSError:
+            continue
+        if int(its_session) == session and state != "Z":
+            found.append(path)
+    return found
+
+
+def test_nothing_is_written_to_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    solve(hopeless(0.0), max_time=0.5)
+    assert os.listdir(tmp_path) == []

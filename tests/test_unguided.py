@@ -1,0 +1,111 @@
+"""Planning without a policy: the choice of the algorithm, and the adapter to the original PDDLStream."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from gentamp_lp.cli import app
+from gentamp_lp.errors import InputError, NoAnswer, SolverError
+from gentamp_lp.planning import solve
+from gentamp_lp.task import Task
+from gentamp_lp.unguided import choose
+
+#: A package with the names that the adapter uses; what `solve` does is filled in.
+STAND_IN = {
+    "pddlstream/__init__.py": "",
+    "pddlstream/algorithms/__init__.py": "",
+    "pddlstream/language/__init__.py": "",
+    "pddlstream/language/constants.py": "from gentamp_lp.streams import PDDLProblem",
+    "pddlstream/language/generator.py": "from gentamp_lp.streams import from_gen_fn, from_test",
+    "pddlstream/algorithms/meta.py": """
+import pathlib
+from gentamp_lp import streams
+def solve(problem, algorithm, max_time, verbose):
+    pathlib.Path("temp").mkdir()  # as the original does, in the current folder
+    plan, cost, certificate = streams.solve(problem, algorithm, max_time=max_time)
+    return CHANGE
+""",
+}
+
+
+@pytest.fixture
+def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def install(change: str) -> None:
+        for name, text in STAND_IN.items():
+            path = tmp_path / "site" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text.replace("CHANGE", change))
+        monkeypatch.syspath_prepend(str(tmp_path / "site"))
+        monkeypatch.chdir(tmp_path)
+
+    for name in [n for n in sys.modules if n.split(".")[0] == "pddlstream"]:
+        monkeypatch.delitem(sys.modules, name)
+    yield install
+    for name in [n for n in sys.modules if n.split(".")[0] == "pddlstream"]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("algorithm", ["incremental", "adaptive"])
+def test_the_original_gets_the_same_problem(stand_in, tmp_path: Path, algorithm: str) -> None:
+    stand_in("(plan, cost, certificate)")
+    result = solve(Task.load("unstack"), 4, 0, engine="pddlstream", algorithm=algorithm)
+    assert result.valid and result.report()["engine"] == "pddlstream"
+    assert not (tmp_path / "temp").exists()
+
+
+def test_its_plans_are_not_believed(stand_in) -> None:
+    stand_in("(plan[:-1], cost, certificate)")
+    result = solve(Task.load("unstack"), 4, 0, engine="pddlstream")
+    assert result.plan is not None and not result.valid and result.problems
+
+
+@pytest.mark.parametrize(("change", "error"), [("(None, float('inf'), None)", NoAnswer), ("exit(3)", SolverError)])
+def test_its_failures_are_told(stand_in, change: str, error: type[Exception]) -> None:
+    stand_in(change)
+    if error is NoAnswer:
+        result = solve(Task.load("unstack"), 4, 0, engine="pddlstream")
+        assert result.plan is None and "PDDLStream found no plan" in str(result.reason)
+    else:
+        with pytest.raises(error):
+            solve(Task.load("unstack"), 4, 0, engine="pddlstream")
+
+
+def test_without_the_package() -> None:
+    with pytest.raises(InputError, match="PYTHONPATH"):
+        solve(Task.load("unstack"), 4, 0, engine="pddlstream")
+
+
+def test_policies_need_the_embedded_engine(unstack) -> None:
+    with pytest.raises(InputError, match="unguided"):
+        solve(Task.load("unstack"), 4, 0, policy=unstack.policy, engine="pddlstream")
+
+
+def test_goals_about_all_samples_are_planned_over_all_samples() -> None:
+    sizes = {"load": "2-3", "sort": "2-2", "unstack": 4, "clutter": 3}
+    chosen = {name: choose(Task.load(name).instance(size, 0)) for name, size in sizes.items()}
+    assert chosen == {"load": "incremental", "sort": "adaptive", "unstack": "adaptive", "clutter": "adaptive"}
+
+
+def test_the_adaptive_algorithm_asks_less_of_the_streams() -> None:
+    calls = {}
+    for algorithm in ("adaptive", "incremental"):
+        result = solve(Task.load("sort"), "2-2", 0, algorithm=algorithm)
+        assert result.valid
+        calls[algorithm] = sum(s["calls"] for s in result.report()["streams"].values())
+    assert calls["adaptive"] < calls["incremental"] / 10
+
+
+def test_the_command_line() -> None:
+    run = ["solve", "clutter", "--size", "3", "--mode", "unguided", "--json", "-q", "--algorithm", "adaptive"]
+    result = CliRunner().invoke(app, run)
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert report["valid"] and report["planner"] == "adaptive" and report["engine"] == "embedded"
+    missing = subprocess.run(
+        [sys.executable, "-m", "gentamp_lp", *run, "--engine", "pddlstream"], capture_output=True, text=True
+    )
+    assert missing.returncode == 2 and "PYTHONPATH" in missing.stderr
