@@ -97,6 +97,7 @@ def run_job(job: Job) -> Row:
     command = [
         sys.executable, "-m", "gentamp_lp", "solve", job.task, "--size", job.size, "--seed", str(job.seed),
         "--mode", job.mode, "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
+        "--algorithm", "incremental",
     ]  # fmt: skip
     command += ["--robot", job.robot] if job.robot else []
     process = subprocess.Popen(
