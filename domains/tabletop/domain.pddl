@@ -1,7 +1,8 @@
-; A robot hand at a table with trays, regions and movable things.
+; A robot hand at tables with trays, regions and movable things.
 ;
 ; ?o ?s objects (things and the supports they stand on)     ?g grasps: the hand relative to the object
 ; ?p ?w placements: an object relative to its support's frame  ?t reaches: the arm's approach to a placement
+; ?q base poses: where the robot stands                      ?d drives: ways of the base
 ;
 ; Poses on fixed supports and on stacked blocks are given in the world; poses on a tray in the tray's frame, so
 ; that what stands on a tray travels with it and AtPose stays true.
@@ -20,25 +21,40 @@
     (Stand ?s ?w)              ; ?w is a place where ?s can stand
     (Pose ?o ?p ?s)            ; ?p is a placement of ?o on ?s
     (Traj ?t)
-    (Reach ?o ?p ?w ?g ?t)     ; ?t grasps ?o, placed at ?p on a support that stands at ?w, with ?g
+    (Base ?q)                  ; the robot's base can stand at ?q
+    (Beside ?q ?s)             ; there it faces support ?s
+    (Reach ?o ?p ?w ?g ?q ?t)  ; from ?q, ?t grasps ?o, placed at ?p on a support that stands at ?w, with ?g
+    (Drive ?q ?q2 ?d)          ; ?d leads from ?q to ?q2 with an empty hand
+    (Carry ?o ?g ?q ?q2 ?d)    ; ?d leads from ?q to ?q2 with ?o, held with ?g, and its load
     (CFree ?o ?p ?o2 ?p2)      ; the two placements do not overlap (an object's own place is taken, too)
     (ReachCFree ?t ?o2 ?p2)    ; ?t does not touch ?o2 at ?p2
     ; what changes
-    (HandEmpty) (AtPose ?o ?p) (AtGrasp ?o ?g)
+    (HandEmpty) (AtPose ?o ?p) (AtGrasp ?o ?g) (AtBase ?q)
     ; what follows
     (Holding ?o) (On ?o ?s) (StandsAt ?s ?w) (Unsafe ?o ?p) (Blocked ?t))
 
   (:action place
-    :parameters (?o ?p ?s ?w ?g ?t)
-    :precondition (and (AtGrasp ?o ?g) (Pose ?o ?p ?s) (StandsAt ?s ?w) (not (Unsafe ?o ?p))
-                       (Reach ?o ?p ?w ?g ?t) (not (Blocked ?t)))
+    :parameters (?o ?p ?s ?w ?g ?q ?t)
+    :precondition (and (AtGrasp ?o ?g) (AtBase ?q) (Pose ?o ?p ?s) (StandsAt ?s ?w) (not (Unsafe ?o ?p))
+                       (Reach ?o ?p ?w ?g ?q ?t) (not (Blocked ?t)))
     :effect (and (AtPose ?o ?p) (HandEmpty) (not (AtGrasp ?o ?g))))
 
   (:action pick
-    :parameters (?o ?p ?s ?w ?g ?t)
-    :precondition (and (HandEmpty) (AtPose ?o ?p) (Pose ?o ?p ?s) (StandsAt ?s ?w)
-                       (Grasp ?o ?g) (Reach ?o ?p ?w ?g ?t) (not (Blocked ?t)))
+    :parameters (?o ?p ?s ?w ?g ?q ?t)
+    :precondition (and (HandEmpty) (AtBase ?q) (AtPose ?o ?p) (Pose ?o ?p ?s) (StandsAt ?s ?w)
+                       (Grasp ?o ?g) (Reach ?o ?p ?w ?g ?q ?t) (not (Blocked ?t)))
     :effect (and (AtGrasp ?o ?g) (not (AtPose ?o ?p)) (not (HandEmpty))))
+
+  ; Nothing is carried loose from one place to another: the robot drives with a tray or with an empty hand.
+  (:action carry
+    :parameters (?o ?g ?q ?q2 ?d)
+    :precondition (and (AtGrasp ?o ?g) (AtBase ?q) (Base ?q2) (Carry ?o ?g ?q ?q2 ?d))
+    :effect (and (AtBase ?q2) (not (AtBase ?q))))
+
+  (:action move
+    :parameters (?q ?q2 ?d)
+    :precondition (and (HandEmpty) (AtBase ?q) (Base ?q2) (Drive ?q ?q2 ?d))
+    :effect (and (AtBase ?q2) (not (AtBase ?q))))
 
   (:derived (Holding ?o) (exists (?g) (AtGrasp ?o ?g)))
   (:derived (On ?o ?s) (exists (?p) (and (AtPose ?o ?p) (Pose ?o ?p ?s))))

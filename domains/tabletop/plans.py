@@ -12,13 +12,15 @@ import numpy as np
 from PIL import Image
 
 from gentamp_lp.geometry.grasping import Grasp
+from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
-from gentamp_lp.geometry.replay import POSITION, STEP, TABLE, Replay, State
+from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay, State
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
 
 from .samplers import Reach
+from . import rooms
 from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
@@ -46,9 +48,14 @@ def encode(value: Any, names: Mapping[int, str]) -> dict[str, Any]:
                 "placement": names[id(value.placement)],
                 "place": names[id(value.support_place)],
                 "grasp": names[id(value.grasp)],
+                "base": names[id(value.base)],
                 "configurations": value.trajectory.configurations.tolist(),
                 "opening": value.trajectory.opening,
             }
+        case rooms.Base():
+            return {"sort": "base", "place": value.place.tolist()}
+        case rooms.Way():
+            return {"sort": "way", "path": value.path.tolist(), "opening": value.opening}
     raise TypeError(f"{type(value).__name__} is not a sampled value of this domain")
 
 
@@ -63,14 +70,20 @@ def decode(data: Mapping[str, Any], world: World, values: Mapping[str, Any]) -> 
         case "grasp":
             return Grasp(_matrix(data["tool"]), _opening(data["opening"]))
         case "reach":
-            placement, place, grasp = (values[data[key]] for key in ("placement", "place", "grasp"))
+            placement, place, grasp, base = (values[data[key]] for key in ("placement", "place", "grasp", "base"))
             if not (isinstance(placement, Placement) and isinstance(place, Placement) and isinstance(grasp, Grasp)):
                 raise ValueError("a reach refers to two placements and a grasp")
+            if not isinstance(base, rooms.Base):
+                raise ValueError("a reach refers to a base")
             moving = placement.frame != "world"
             target = place.transform @ placement.transform if moving else placement.transform
-            trajectory = Trajectory(_path(data["configurations"], world), _opening(data["opening"]))
+            trajectory = Trajectory(_path(data["configurations"], len(world.robot.home)), _opening(data["opening"]))
             name = data["object"]
-            return Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory)
+            return Reach(world.robot, name, world.shapes[name], placement, place, grasp, base, target, trajectory)
+        case "base":
+            return rooms.Base(_path([data["place"]] * 2, 3)[0])
+        case "way":
+            return rooms.Way(_path(data["path"], 3), _opening(data["opening"]))
     raise ValueError(f"unknown sort `{data['sort']}`")
 
 
@@ -85,10 +98,10 @@ def _matrix(rows: Any) -> Array:
     return matrix
 
 
-def _path(rows: Any, world: World) -> Array:
+def _path(rows: Any, columns: int) -> Array:
     path = np.array(rows, dtype=np.float64)
-    if path.ndim != 2 or len(path) < 2 or path.shape[1:] != world.robot.home.shape or not np.isfinite(path).all():
-        raise ValueError(f"a trajectory is rows of {len(world.robot.home)} finite numbers, two or more")
+    if path.ndim != 2 or len(path) < 2 or path.shape[1:] != (columns,) or not np.isfinite(path).all():
+        raise ValueError(f"a path is rows of {columns} finite numbers, two or more")
     return path
 
 
@@ -115,12 +128,22 @@ def check_facts(world: World, facts: Sequence[Sequence[str]], values: Mapping[st
                     problems.append(f"{claim}: the placement is not on {support}")
             case ("stand", [_, Placement()]) | ("grasp", [_, Grasp()]) | ("traj", [Reach()]):
                 pass
-            case "reach", [name, placement, place, grasp, Reach() as reach]:
-                stated = reach.placement, reach.support_place, reach.grasp
+            case "base", [rooms.Base()]:
+                pass
+            case "beside", [rooms.Base() as base, support]:
+                if not _beside(world, support, base):
+                    problems.append(f"{claim}: the base is not in front of {support}")
+            case ("drive", [first, last, rooms.Way() as way]) | ("carry", [_, _, first, last, rooms.Way() as way]):
+                if not all(_same_place(base.place, at) for base, at in zip((first, last), way.path[[0, -1]], strict=True)):
+                    problems.append(f"{claim}: the drive does not lead from the one base to the other")
+            case "reach", [name, placement, place, grasp, base, Reach() as reach]:
+                stated = reach.placement, reach.support_place, reach.grasp, reach.base
                 if reach.name != name or any(
-                    a is not b for a, b in zip(stated, (placement, place, grasp), strict=True)
+                    a is not b for a, b in zip(stated, (placement, place, grasp, base), strict=True)
                 ):
-                    problems.append(f"{claim}: the reach is for another object, placement or grasp")
+                    problems.append(f"{claim}: the reach is for another object, placement, grasp or base")
+                elif world.robot.mobile and not (reach.trajectory.configurations[:, :3] == base.place).all():
+                    problems.append(f"{claim}: the reach is not from its base")
                 elif abs(reach.trajectory.opening - grasp.opening) > 1e-6:
                     problems.append(f"{claim}: the fingers are not as far apart as the grasp says")
                 elif (jump := max(map(_distance, *_ends(world, reach.trajectory)))) > STEP:
@@ -142,6 +165,18 @@ def _distance(first: Array, second: Array) -> float:
     return difference(first, second)[0]
 
 
+def _same_place(first: Array, second: Array) -> bool:
+    """Whether two base poses are the same but for full turns."""
+    metres, radians = difference(*(pose(x, y, 0.0, yaw) for x, y, yaw in (first, second)))
+    return metres <= POSITION and radians <= ANGLE
+
+
+def _beside(world: World, support: str, base: rooms.Base) -> bool:
+    area = world.supports[support].area
+    stance = world.robot.stance if isinstance(world.robot, Mobile) else 0.0
+    return stance - POSITION <= rooms.distance(base.place, area.x, area.y) <= stance + rooms.SLACK + POSITION
+
+
 def _inside(world: World, support: str, placement: Placement) -> bool:
     (x0, x1), (y0, y1) = world.supports[support].area.x, world.supports[support].area.y
     x, y = placement.transform[:2, 3]
@@ -157,12 +192,16 @@ def _replay(
     world: World, steps: Sequence[Step], values: Mapping[str, Any], watch: Callable[[State], object] | None
 ) -> list[str]:
     supports = {fact[1]: fact[3] for fact in world.static if fact[0] == "pose"}
-    with Replay(world.robot, watch) as replay:
+    with Replay(world.robot, watch, tables=world.tables, base=world.base.place) as replay:
         for name, placement in world.start.items():
             replay.add(name, world.shapes[name], placement.transform, _support(world, supports[name]))
         if watch is not None:
             watch(replay.state())
-        for action, (name, where, support, _, grasp, reach) in steps:
+        for action, args in steps:
+            if action in ("carry", "move"):
+                replay.move(values[args[-1]].trajectory(world.robot), label=action)
+                continue
+            name, where, support, _, grasp, _, reach = args
             path = values[reach].trajectory if watch else _dense(world, values[reach].trajectory)
             if action == "pick":
                 replay.pick(name, path, values[grasp])

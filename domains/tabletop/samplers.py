@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gentamp_lp.geometry import mobile
 from gentamp_lp.geometry.collision import Swept, collide
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.robots import Robot, Trajectory
@@ -16,6 +17,7 @@ from gentamp_lp.geometry.shapes import GAP, Shape
 from gentamp_lp.geometry.transforms import Array, pose
 from gentamp_lp.streams.language import Generator, from_gen_fn, from_test
 
+from . import rooms
 from .scene import Placement, World, uniform_placements
 
 _REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and grasp are given up
@@ -23,7 +25,7 @@ _REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and gra
 
 @dataclass(eq=False)
 class Reach:
-    """A value of sort reach: how the hand gets to `name`, placed at `placement` (in the world: `target`)."""
+    """A value of sort reach: how the hand gets to `name`, placed at `placement` (in the world: `target`), from `base`."""
 
     robot: Robot
     name: str
@@ -31,6 +33,7 @@ class Reach:
     placement: Placement
     support_place: Placement
     grasp: Grasp
+    base: rooms.Base
     target: Array
     trajectory: Trajectory
 
@@ -58,28 +61,43 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         generator = rng("placement", name, support)
         while True:
             for placement in uniform_placements(world.supports[support].area, generator):
-                yield (placement,)
+                if world.fits(name, support, placement):
+                    yield (placement,)
 
     def sample_cell(_: str, support: str) -> Iterator[tuple[Placement]]:
         yield from ((placement,) for placement in cell_placements(world, support))
 
     def sample_reach(
-        name: str, placement: Placement, support: str, place: Placement, grasp: Grasp
+        name: str, placement: Placement, support: str, place: Placement, grasp: Grasp, base: rooms.Base
     ) -> Iterator[tuple[Reach] | None]:
         if placement.base is not None and placement.base is not place:
             return  # the placement rests on this support where it stood, and only there
         target = place.transform @ placement.transform if placement.frame == support else placement.transform
 
         def reach(trajectory: Trajectory) -> tuple[Reach]:
-            return (Reach(world.robot, name, world.shapes[name], placement, place, grasp, target, trajectory),)
+            return (Reach(world.robot, name, world.shapes[name], placement, place, grasp, base, target, trajectory),)
 
-        if grasp in world.approaches and placement is world.start[name]:
+        if grasp in world.approaches and placement is world.start[name] and base is world.base:
             yield reach(world.approaches[grasp])
-        generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool))
+        generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool), *_known(base))
         for _ in range(_REACH_ATTEMPTS):
-            trajectory = world.robot.reach(target @ grasp.tool, grasp.opening, generator)
+            trajectory = world.robot.reach_from(base.place, target @ grasp.tool, grasp.opening, generator)
             if trajectory is not None:
                 yield reach(trajectory)
+
+    def sample_base(support: str) -> Iterator[tuple[rooms.Base] | None]:
+        for base in world.parkings(support, rng("base", support)):
+            yield (base,) if base else None
+
+    def sample_drive(first: rooms.Base, last: rooms.Base) -> Iterator[tuple[rooms.Way]]:
+        way = rooms.Way(mobile.drive(first.place, last.place), world.robot.opening)
+        if first is not last and rooms.clear(world.robot, way, world.obstacles):
+            yield (way,)
+
+    def sample_carry(name: str, grasp: Grasp, first: rooms.Base, last: rooms.Base) -> Iterator[tuple[rooms.Way]]:
+        way = rooms.Way(mobile.drive(first.place, last.place), grasp.opening)
+        if first is not last and rooms.clear(world.robot, way, world.obstacles, world.shapes[name], grasp):
+            yield (way,)
 
     def cfree(name: str, placement: Placement, other: str, there: Placement) -> bool:
         """Whether two placements do not overlap; a thing's own place is taken while it stands there.
@@ -110,6 +128,9 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         "sample-grasp": from_gen_fn(sample_grasp),
         "sample-placement": from_gen_fn(sample_placement),
         "sample-cell": from_gen_fn(sample_cell),
+        "sample-base": from_gen_fn(sample_base),
+        "sample-drive": from_gen_fn(sample_drive),
+        "sample-carry": from_gen_fn(sample_carry),
         "sample-reach": from_gen_fn(sample_reach),
         "test-cfree": from_test(cfree),
         "test-reach-cfree": from_test(reach_cfree),
@@ -123,6 +144,11 @@ def cell_placements(world: World, support: str) -> Iterator[Placement]:
     assert interior is not None
     for index in range(cells):
         yield Placement(support, pose((index - (cells - 1) / 2) * side, 0.0, interior[2] + GAP))
+
+
+def _known(base: rooms.Base) -> tuple[int, ...]:
+    """What tells a base from the origin."""
+    return (_digest(base.place),) if base.place.any() else ()
 
 
 def _digest(matrix: Array) -> int:

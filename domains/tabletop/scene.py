@@ -5,10 +5,12 @@ All lengths in metres; the world's origin is the robot's base, z = 0 the top of 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
@@ -17,9 +19,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from gentamp_lp.errors import NoAnswer
 from gentamp_lp.geometry.collision import Swept, collide
 from gentamp_lp.geometry.grasping import Approach, Grasp
+from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.robots import Robot, Trajectory, make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import Array, pose
+
+from . import rooms
 
 Span = tuple[float, float]
 Count = int | str
@@ -83,10 +88,14 @@ class ShapeOption(_Section):
 
 
 class TrayShape(_Section):
-    """A tray with a row of `cells` square cells of side `cell`."""
+    """A tray with a row of `cells` square cells of side `cell`.
+
+    `exact`: no more than `cells` of the things that may go there fit on it, however they are put.
+    """
 
     cells: Count
     cell: float = Field(gt=0)
+    exact: bool = False
 
 
 class Towers(_Section):
@@ -209,7 +218,8 @@ class World:
     """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case).
 
     `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
-    layout was made for.
+    layout was made for. `base` is where the robot stands at first; `tables` are solid tables of finite size with their
+    poses, for mobile robots (a fixed one has a table without end).
     """
 
     robot: Robot
@@ -221,6 +231,43 @@ class World:
     static: list[tuple[str, ...]] = field(default_factory=list)
     fluents: list[tuple[str, ...]] = field(default_factory=list)
     cells: dict[str, tuple[int, float]] = field(default_factory=dict)
+    base: rooms.Base = field(default_factory=lambda: rooms.Base(np.zeros(3)))
+
+    @property
+    def tables(self) -> list[tuple[Shape, Array]]:
+        """The tables of a room."""
+        areas = [support.area for support in self.supports.values()] if self.robot.mobile else []
+        return [rooms.table(area.x, area.y) for area in areas]
+
+    def parkings(self, support: str, rng: np.random.Generator) -> Iterator[rooms.Base | None]:
+        """Places for a mobile robot in front of a support, None for each one that is not free."""
+        if not isinstance(self.robot, Mobile):
+            return
+        area = self.supports[support].area
+        for base in rooms.parking(self.robot, area.x, area.y, rng):
+            way = rooms.Way(base.place[None], self.robot.opening)
+            yield base if rooms.clear(self.robot, way, self.obstacles) else None
+
+    @property
+    def obstacles(self) -> list[tuple[Shape, Array]]:
+        """What drives keep clear of: the tables, with space for what stands on them."""
+        areas = [support.area for support in self.supports.values()]
+        return [rooms.table(area.x, area.y, rooms.LOADED) for area in areas]
+
+    def fits(self, name: str, support: str, placement: Placement) -> bool:
+        """Whether a thing stands wholly on a table of finite size."""
+        if not self.robot.mobile:
+            return True
+        area = self.supports[support].area
+        (x0, y0, _), (x1, y1, _) = self.shapes[name].bounds
+        corners = placement.transform @ [[x0, x0, x1, x1], [y0, y1, y0, y1], [0.0] * 4, [1.0] * 4]
+        return bool(
+            all(
+                low - rooms.EDGE <= value <= high + rooms.EDGE
+                for (low, high), row in zip((area.x, area.y), corners[:2], strict=True)
+                for value in row
+            )
+        )
 
     @property
     def start(self) -> dict[str, Placement]:
@@ -238,6 +285,7 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
         total = sum(_count(group.count, parameters) for group in scene.things)
         supports = {n: s.model_copy(update={"area": s.area.enlarged(total)}) for n, s in supports.items()}
     world = World(body, supports)
+    _park(world, next(iter(supports)), rng)
     for name, support in supports.items():
         world.values[name] = name
         world.values[f"at_{name}"] = Placement("world", np.eye(4))
@@ -257,8 +305,50 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
     for group in scene.things:
         targets = [t for goal in group.goes for t in members.get(goal, [goal])]
         world.static += [("stackable", o, s) for o in members[group.name] for s in targets if o != s]
+    for group in scene.things:
+        if any(option.tray is not None and option.tray.exact for option in group.shapes):
+            riders = [o for other in scene.things if group.name in other.goes for o in members[other.name]]
+            _check_capacity(world, members[group.name], riders)
     world.fluents.append(("handempty",))
     return world
+
+
+def _park(world: World, support: str, rng: np.random.Generator) -> None:
+    """Put a mobile robot in front of a support; a fixed one stays at the origin."""
+    if world.robot.mobile:
+        found = next((base for base in islice(world.parkings(support, rng), _TRIES) if base), None)
+        if found is None:
+            raise NoAnswer(f"no free place for the robot in front of `{support}`: move the tables apart")
+        world.base = found
+        world.static.append(("beside", "at_base", support))
+    world.values["at_base"] = world.base
+    world.static.append(("base", "at_base"))
+    world.fluents.append(("atbase", "at_base"))
+
+
+def _check_capacity(world: World, trays: Sequence[str], riders: Sequence[str]) -> None:
+    """Make sure that as many things fit on each tray as it has cells, and no more.
+
+    Each thing holds an upright cylinder as wide as its shorter side; the tightest row of those in the tray is a zigzag.
+    """
+    widths = sorted(min(world.shapes[name].extent[:2]) for name in riders)
+    for name in trays:
+        cells, side = world.cells[name]
+        if any(max(world.shapes[rider].extent[:2]) > side for rider in riders):
+            raise NoAnswer(f"a thing is wider than the cells of `{name}`: make the cells wider than {side} m")
+        tight = widths[: cells + 1]
+        if len(tight) > cells and _zigzag(tight, side) <= cells * side:
+            raise NoAnswer(f"{cells + 1} things could be put on `{name}`, a tray for {cells}: make them wider")
+
+
+def _zigzag(diameters: Sequence[float], width: float) -> float:
+    """A lower bound (m) on the length of a strip that holds circles of these diameters: no two pass each other.
+
+    Two neighbours are least far apart along the strip when they touch, each at one of its edges.
+    """
+    least = min(diameters)
+    across = min(width - least, least)
+    return least + (len(diameters) - 1) * math.sqrt(least**2 - across**2)
 
 
 @lru_cache
@@ -309,7 +399,7 @@ def _arrange(world: World, group: Things, names: list[str], rng: np.random.Gener
             area = scatter.area or world.supports[scatter.support].area
             if scatter.in_the_way is None:
                 for name in names:
-                    _stand(world, name, _draw(world, name, area, scatter.gap, rng), scatter.support)
+                    _stand(world, name, _draw(world, name, scatter.support, area, scatter.gap, rng), scatter.support)
             else:
                 layout = _layout(world, names, scatter.in_the_way, area, scatter.gap, rng)
                 for name, placement in layout.items():
@@ -333,13 +423,14 @@ def _build_towers(world: World, towers: Towers, names: list[str], rng: np.random
                 _stand(world, name, placement, below)
                 tops[choice] = (name, height + 1)
                 continue
-        _stand(world, name, _draw(world, name, area, towers.gap, rng), towers.support)
+        _stand(world, name, _draw(world, name, towers.support, area, towers.gap, rng), towers.support)
         tops.append((name, 1))
 
 
-def _draw(world: World, name: str, area: Area, gap: float, rng: np.random.Generator) -> Placement:
+def _draw(world: World, name: str, support: str, area: Area, gap: float, rng: np.random.Generator) -> Placement:
     for placement in uniform_placements(area, rng):
-        if _free(world, world.start, name, placement, gap) and reachable(world, name, placement, rng):
+        whole = world.fits(name, support, placement)
+        if whole and _free(world, world.start, name, placement, gap) and reachable(world, name, placement, rng):
             return placement
     raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
 
@@ -372,7 +463,8 @@ def _approaches(world: World, name: str, count: int, rng: np.random.Generator) -
     grasps = [world.grasps[name][i] for i in rng.permutation(len(world.grasps[name]))]
     reached: dict[Grasp, Trajectory] = {}
     for grasp in grasps:
-        trajectory = world.robot.reach(placement.transform @ grasp.tool, grasp.opening, rng)
+        tool = placement.transform @ grasp.tool
+        trajectory = world.robot.reach_from(world.base.place, tool, grasp.opening, rng)
         if trajectory is not None:
             reached[grasp] = trajectory
         if len(reached) == count:
@@ -409,7 +501,8 @@ def _inflated(shape: Shape, gap: float) -> Shape:
 def reachable(world: World, name: str, placement: Placement, rng: np.random.Generator) -> bool:
     """Whether some grasp of the thing can be reached where it stands (other things not considered)."""
     for grasp in world.grasps[name]:
-        if world.robot.reach(placement.transform @ grasp.tool, grasp.opening, rng) is not None:
+        tool = placement.transform @ grasp.tool
+        if world.robot.reach_from(world.base.place, tool, grasp.opening, rng) is not None:
             return True
     return False
 

@@ -14,10 +14,24 @@
     :inputs (?o ?s) :domain (and (Movable ?o) (Tray ?s) (Stackable ?o ?s))
     :outputs (?p) :certified (and (Pose ?o ?p ?s) (Stand ?o ?p)))
 
+  ; Places for a mobile robot in front of a support; none for a fixed one.
+  (:stream sample-base
+    :inputs (?s) :domain (Surface ?s)
+    :outputs (?q) :certified (and (Base ?q) (Beside ?q ?s)))
+
   ; Inverse kinematics and a straight, table-clear approach.
   (:stream sample-reach
-    :inputs (?o ?p ?s ?w ?g) :domain (and (Pose ?o ?p ?s) (Stand ?s ?w) (Grasp ?o ?g))
-    :outputs (?t) :certified (and (Traj ?t) (Reach ?o ?p ?w ?g ?t)))
+    :inputs (?o ?p ?s ?w ?g ?q) :domain (and (Pose ?o ?p ?s) (Stand ?s ?w) (Grasp ?o ?g) (Base ?q))
+    :outputs (?t) :certified (and (Traj ?t) (Reach ?o ?p ?w ?g ?q ?t)))
+
+  ; Ways of the base, clear of the tables and of what may stand on them.
+  (:stream sample-drive
+    :inputs (?q ?q2) :domain (and (Base ?q) (Base ?q2))
+    :outputs (?d) :certified (Drive ?q ?q2 ?d))
+
+  (:stream sample-carry
+    :inputs (?o ?g ?q ?q2) :domain (and (Tray ?o) (Grasp ?o ?g) (Base ?q) (Base ?q2))
+    :outputs (?d) :certified (Carry ?o ?g ?q ?q2 ?d))
 
   (:stream test-cfree
     :inputs (?o ?p ?o2 ?p2) :domain (and (Movable ?o) (Stand ?o ?p) (Movable ?o2) (Stand ?o2 ?p2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -38,13 +39,13 @@ def approach_poses(tool_pose: Array) -> Array:
     return result
 
 
-def _block(name: str, look: str, lower: tuple[float, ...], upper: tuple[float, ...]) -> Link:
-    """Return a box-shaped link between two corners, drawn as a mesh of the Panda."""
+def block(name: str, lower: tuple[float, ...], upper: tuple[float, ...], look: Path | None = None) -> Link:
+    """Return a box-shaped link between two corners (m), drawn as the mesh `look`."""
     corners = np.array([[(lower, upper)[i][0], (lower, upper)[j][1], (lower, upper)[k][2]]
                         for i in (0, 1) for j in (0, 1) for k in (0, 1)])  # fmt: skip
     faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
              [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]  # fmt: skip
-    return Link(name, corners, np.array(faces), data_path("franka_panda", "meshes", "visual", look))
+    return Link(name, corners, np.array(faces), look)
 
 
 class Gripper(Robot):
@@ -52,15 +53,18 @@ class Gripper(Robot):
 
     flies = True
 
-    def __init__(self) -> None:
+    def __init__(self, furthest: float = math.inf) -> None:
+        """Make a hand that keeps within `furthest` (m) of the origin, seen from above."""
         self.name = "gripper"
+        self.furthest = furthest
         self.opening = OPENING
         self.home = np.array([0.3, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
-        finger = (-0.0105, 0.0, 0.0), (0.0105, 0.0265, 0.054)
+        looks = data_path("franka_panda", "meshes", "visual")
+        finger = (-0.0105, 0.0, 0.0), (0.0105, 0.0265, 0.054), looks / "finger.obj"
         self.links = (
-            _block("hand", "hand.obj", (-0.032, -0.104, -0.026), (0.032, 0.101, 0.066)),
-            _block("left_finger", "finger.obj", *finger),
-            _block("right_finger", "finger.obj", *finger),
+            block("hand", (-0.032, -0.104, -0.026), (0.032, 0.101, 0.066), looks / "hand.obj"),
+            block("left_finger", *finger),
+            block("right_finger", *finger),
         )
 
     def tools(self, configurations: Array) -> Array:
@@ -85,7 +89,9 @@ class Gripper(Robot):
         return result
 
     def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
-        """Return the straight approach to a tool pose, None when it would touch the table."""
+        """Return the straight approach to a tool pose, None when it would touch the table or is too far away."""
+        if math.hypot(*tool_pose[:2, 3]) > self.furthest:
+            return None
         poses = approach_poses(tool_pose)
         turn = quaternion(tool_pose)
         configurations = np.column_stack([poses[:, :3, 3], np.broadcast_to(turn, (len(poses), 4))])

@@ -97,7 +97,7 @@ class Flying:
 
     def beyond_limits(self, configuration: Array) -> list[str]:
         """Report a quaternion that is not one."""
-        return [] if abs(float(np.linalg.norm(configuration[3:])) - 1) < 1e-6 else ["quaternion"]
+        return [] if abs(float(np.linalg.norm(configuration[-4:])) - 1) < 1e-6 else ["quaternion"]
 
 
 def load_model(world: Bullet, robot: Robot) -> Model:

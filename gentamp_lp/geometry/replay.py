@@ -6,7 +6,7 @@ Nothing is raised for a bad plan: each fault is a sentence in `Replay.violations
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,9 @@ RESTING = 0.003
 STEP = 0.05
 """Longest move (m) of the tool from one configuration of a trajectory to the next."""
 
+BASE_STEP, BASE_TURN = 0.051, 0.101
+"""Longest move (m, rad) of a mobile base from one configuration to the next."""
+
 TABLE = "table"
 
 _SLAB = 0.10  # thickness of the table
@@ -56,21 +59,33 @@ class _Object:
 
 
 class Replay(Closing):
-    """A table at z = 0, a robot and objects; moves the robot and notes what cannot be.
+    """Tables with their tops at z = 0, a robot and objects; moves the robot and notes what cannot be.
 
+    `tables` are their shapes and poses, by default one without end; `base` is where a mobile robot stands at first.
     `watch` is called with each state gone through, e.g. to film it. Use the replay as a context manager or
     call `close`.
     """
 
-    def __init__(self, robot: Robot, watch: Callable[[State], object] | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        watch: Callable[[State], object] | None = None,
+        *,
+        tables: Sequence[tuple[Shape, Array]] = (),
+        base: Array | None = None,
+    ) -> None:
         self.robot = robot
         self.watch = watch
         self.violations: list[str] = []
         self.configuration = np.array(robot.home)
+        if robot.mobile and base is not None:
+            self.configuration[:3] = base
         self.opening = robot.opening
         self._world = Bullet()
         self._model = load_model(self._world, robot)
-        self._table = self._world.add(box(4.0, 4.0, _SLAB), pose(0.0, 0.0, -_SLAB))
+        self._model.set(self.configuration, self.opening)
+        self._tables = list(tables) or [(box(4.0, 4.0, _SLAB), pose(0.0, 0.0, -_SLAB))]
+        self._slabs = [self._world.add(*table) for table in self._tables]
         self._objects: dict[str, _Object] = {}
         self._held: str | None = None
         self._attached: dict[str, Array] = {}  # poses of the held object and its riders in the tool frame
@@ -130,6 +145,8 @@ class Replay(Closing):
         before: Array | None = None
         for index, configuration in enumerate(path):
             self._step = f"{label}, step {index}"
+            if self.robot.mobile:
+                self._drive(np.asarray(configuration))
             self.configuration, self.opening = np.array(configuration), trajectory.opening
             if not 0.0 <= self.opening <= self.robot.opening + 1e-9:
                 self._note(f"the gripper cannot open to {self.opening:.4f} m")
@@ -210,6 +227,13 @@ class Replay(Closing):
 
     # checks
 
+    def _drive(self, configuration: Array) -> None:
+        """Note when the base of a mobile robot is not near where it was."""
+        (x, y, yaw), (x0, y0, yaw0) = configuration[:3], self.configuration[:3]
+        metres, radians = difference(pose(x, y, 0.0, yaw), pose(x0, y0, 0.0, yaw0))
+        if metres > BASE_STEP or radians > BASE_TURN:
+            self._note(f"the base jumps by {metres:.3f} m and {math.degrees(radians):.0f} degrees")
+
     def _begin(self, label: str) -> int:
         """Set what violations are said of; return how many there are."""
         self._step = label
@@ -235,6 +259,8 @@ class Replay(Closing):
             moved = self._objects[name]
             moved.pose = tool @ attachment
             self._world.move(moved.body, moved.pose)
+            if name != self._held and moved.pose[2, 2] < math.cos(ANGLE):
+                self._note(f"{name} tips")
         return list(self._attached)
 
     def _deepest(self, first: int, second: int, *, mounted: bool = True) -> tuple[int, float] | None:
@@ -251,7 +277,7 @@ class Replay(Closing):
         for name in moved:
             body = self._objects[name].body
             obstacles = {other: item.body for other, item in self._objects.items() if other not in moved}
-            for other, obstacle in {TABLE: self._table, **obstacles}.items():
+            for other, obstacle in self._with_tables(obstacles):
                 found = self._deepest(body, obstacle)
                 if found:
                     self._note(f"{name} is {1000 * found[1]:.1f} mm inside {other}")
@@ -260,18 +286,21 @@ class Replay(Closing):
         """Note overlaps of the robot with the table and with all objects that it does not carry."""
         obstacles = {name: item.body for name, item in self._objects.items() if name not in carried[:1]}
         for piece in self._model.pieces:
-            for name, obstacle in {TABLE: self._table, **obstacles}.items():
+            for name, obstacle in self._with_tables(obstacles):
                 found = self._deepest(piece, obstacle, mounted=name != TABLE)
                 if found:
                     link = self._model.names[piece, found[0]]
                     self._note(f"the robot's {link} is {1000 * found[1]:.1f} mm inside {name}")
+
+    def _with_tables(self, obstacles: dict[str, int]) -> list[tuple[str, int]]:
+        return [*((TABLE, slab) for slab in self._slabs), *obstacles.items()]
 
     def _straddle(self, name: str, tool: Array) -> None:
         """Note when a finger is not near the object, or both are on the same side of it."""
         sides = []
         for body, link in self._model.fingers:
             near = self._world.closest(
-                body, self._objects[name].body, PAD, link if len(self._model.pieces) == 1 else None
+                body, self._objects[name].body, PAD, link if link >= 0 else None
             )
             if not near:
                 self._note(f"the {self._model.names[body, link]} is not within {1000 * PAD:.0f} mm of {name}")
@@ -300,7 +329,9 @@ class Replay(Closing):
     def _supports(self, name: str, item: _Object) -> bool:
         """Tell whether an object's bottom is at a support's top and its centre over it."""
         if name == TABLE:
-            return abs(float(item.pose[2, 3])) <= RESTING
+            x, y, z = item.pose[:3, 3]
+            over = (np.abs(where[:2, 3] - [x, y]) <= np.array(shape.extent[:2]) / 2 for shape, where in self._tables)
+            return abs(float(z)) <= RESTING and any(bool(inside.all()) for inside in over)
         below = self._objects[name]
         x, y, z = (float(v) for v in (inverse(below.pose) @ item.pose)[:3, 3])
         if below.shape.interior is not None:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import fcl
 import numpy as np
@@ -69,6 +70,9 @@ class Robot(ABC):
     `fingers`.
     """
 
+    mobile: ClassVar[bool] = False
+    """Whether the first three numbers of a configuration are the base's x, y, yaw."""
+
     name: str
     opening: float
     home: Array
@@ -99,6 +103,12 @@ class Robot(ABC):
         The end is exact within 1 mm and 1 degree; every configuration keeps the joint limits and is free of
         collision with the robot itself and with the table. Other objects are not considered: see `swept`.
         """
+
+    def reach_from(
+        self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator
+    ) -> Trajectory | None:
+        """Return an approach with the base at x, y, yaw (3,), as `reach` does; a fixed robot stays where it is."""
+        return self.reach(tool_pose, opening, rng)
 
     def tool(self, configuration: Array) -> Array:
         """Return the tool pose (4×4) of a configuration (dof,)."""
@@ -166,7 +176,7 @@ class Robot(ABC):
         return True
 
 
-ROBOTS = ("gripper", "panda")
+ROBOTS = ("gripper", "panda", "mobile_gripper")
 
 
 def make_robot(name: str) -> Robot:
@@ -175,6 +185,11 @@ def make_robot(name: str) -> Robot:
         from gentamp_lp.geometry.gripper import Gripper
 
         return Gripper()
+    if name == "mobile_gripper":
+        from gentamp_lp.geometry.gripper import Gripper, block
+        from gentamp_lp.geometry.mobile import Mobile
+
+        return Mobile("mobile_gripper", Gripper(furthest=0.8), block("platform", (-0.2, -0.2, -0.65), (0.2, 0.2, -0.05)), 0.3)
     if name == "panda":
         from gentamp_lp.geometry.panda import Panda
 

@@ -1,0 +1,88 @@
+"""Robots that drive: an arm on a base that moves in the plane, and the ways of that base."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gentamp_lp.geometry.robots import Link, Robot, Trajectory
+from gentamp_lp.geometry.transforms import Array, inverse, pose
+
+BACK = 0.35
+"""How far (m) the base backs off before it goes elsewhere."""
+
+_STEP, _TURN = 0.02, 0.03  # the base stops every 2 cm and 0.03 rad, the tool then every 5 cm
+
+
+class Mobile(Robot):
+    """An arm on a base that drives in any direction; a configuration is x, y, yaw (m, rad), then the arm's own.
+
+    `platform` is the rigid body that drives, in the arm's frame; `stance` is how far (m) in front of the base things
+    should be for the arm to reach them.
+    """
+
+    mobile = True
+
+    def __init__(self, name: str, arm: Robot, platform: Link, stance: float) -> None:
+        self.name = name
+        self.arm = arm
+        self.stance = stance
+        self.opening = arm.opening
+        self.home = np.concatenate([np.zeros(3), arm.home])
+        self.links = (*arm.links, platform)
+        self.platform = platform
+        self.urdf, self.tip, self.fingers = arm.urdf, arm.tip, arm.fingers
+
+    def close(self) -> None:
+        """Free what the arm holds."""
+        self.arm.close()
+
+    def tools(self, configurations: Array) -> Array:
+        """Return the tool poses (n, 4, 4) of configurations (n, 3 + dof of the arm)."""
+        return np.asarray(_places(configurations) @ self.arm.tools(configurations[:, 3:]))
+
+    def frames(self, configurations: Array, opening: float) -> Array:
+        """Return the poses (n, links, 4, 4) of the arm's links and the platform."""
+        places = _places(configurations)
+        arm = places[:, None] @ self.arm.frames(configurations[:, 3:], opening)
+        return np.concatenate([arm, places[:, None]], axis=1)
+
+    def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
+        """Return an approach from a base at the origin."""
+        return self.reach_from(np.zeros(3), tool_pose, opening, rng)
+
+    def reach_from(
+        self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator
+    ) -> Trajectory | None:
+        """Return an approach from a base at x, y, yaw."""
+        found = self.arm.reach(inverse(pose(base[0], base[1], 0.0, base[2])) @ tool_pose, opening, rng)
+        if found is None:
+            return None
+        rows = np.broadcast_to(base, (len(found.configurations), 3))
+        return Trajectory(np.hstack([rows, found.configurations]), opening)
+
+    def between(self, first: Array, second: Array, count: int) -> Array:
+        """Return configurations between two; base and arm move evenly."""
+        return np.hstack([super().between(first[:3], second[:3], count), self.arm.between(first[3:], second[3:], count)])
+
+
+def drive(first: Array, last: Array) -> Array:
+    """Return base poses (n, 3: x, y, yaw) from one to another: back off, cross and turn, come in again."""
+    turn = math.remainder(last[2] - first[2], 2 * math.pi)
+    corners = [first, _behind(first), _behind(last), last]
+    corners[2:] = [np.array([x, y, first[2] + turn]) for x, y, _ in corners[2:]]
+    path = [corners[0]]
+    for start, end in zip(corners, corners[1:], strict=False):
+        pieces = max(np.linalg.norm(end[:2] - start[:2]) / _STEP, abs(end[2] - start[2]) / _TURN)
+        path += [start + (end - start) * share for share in np.linspace(0, 1, max(2, math.ceil(pieces) + 1))[1:]]
+    return np.array(path)
+
+
+def _behind(base: Array) -> Array:
+    return base - BACK * np.array([math.cos(base[2]), math.sin(base[2]), 0.0])
+
+
+def _places(configurations: Array) -> Array:
+    """Return the base's poses (n, 4, 4)."""
+    return np.array([pose(x, y, 0.0, yaw) for x, y, yaw in configurations[:, :3]])
