@@ -144,7 +144,7 @@ def other_grasp_in_step(data: Data) -> None:
 
 def other_reach_in_step(data: Data) -> None:
     own = step(data, "place")["args"]
-    own[5] = next(n for n, v in data["entities"].items() if v["sort"] == "reach" and n != own[5])
+    own[6] = next(n for n, v in data["entities"].items() if v["sort"] == "reach" and n != own[6])
 
 
 def other_placement_of_reach(data: Data) -> None:
@@ -169,7 +169,7 @@ def _known(data: Data, name: str) -> bool:
 
 
 def unknown_entity(data: Data) -> None:
-    step(data, "place")["args"][5] = "t999"
+    step(data, "place")["args"][6] = "t999"
 
 
 def unknown_action(data: Data) -> None:
@@ -207,12 +207,12 @@ def spare_entity(data: Data) -> None:
         (short_approach, "approach is shorter"),
         (other_grasp_in_step, "not applicable|no step uses"),
         (other_reach_in_step, "not applicable|no step uses"),
-        (other_placement_of_reach, "another object, placement or grasp"),
+        (other_placement_of_reach, "another object, placement, grasp or base"),
         (other_support, "not applicable"),
         (claim_other_support, "from two calls|what the plan says|no stream certifies"),
         (unknown_entity, "unknown entity t999|no step uses"),
         (unknown_action, "no action teleport"),
-        (wrong_arity, "no action pick with 5 arguments|no step uses"),
+        (wrong_arity, "no action pick with 6 arguments|no step uses"),
         (wrong_seed, "."),
         (spare_entity, "no call of a stream gives|no step uses"),
     ],
@@ -265,7 +265,7 @@ def test_a_path_through_a_block_is_seen_even_between_its_configurations(files: d
     instance = Task.load("unstack").instance(data["size"], data["seed"], robot="gripper")
     placed = data["steps"][-1]
     assert placed["action"] == "place"
-    reach = data["entities"][placed["args"][5]]
+    reach = data["entities"][placed["args"][6]]
     final = np.array(reach["configurations"][-1])
     others = [p.transform[:3, 3] for n, p in instance.world.start.items() if not _moves(data, n)]
     other = min(others, key=lambda p: float(np.linalg.norm(p[:2] - final[:2])))
@@ -318,7 +318,7 @@ def test_the_arm_may_not_jump_while_its_tool_stays(files: dict[str, Data]) -> No
 )
 def test_forbidden_facts(files: dict[str, Data], tmp_path: Path, fact: list[str], message: str) -> None:
     data = copy.deepcopy(files["hand"])
-    _, w, _, _, _, t = step(data, "place")["args"]
+    _, w, _, _, _, _, t = step(data, "place")["args"]
     data["facts"].append([a.format(w=w, t=t) for a in fact])
     with pytest.raises(InputError, match=message):
         check(data, tmp_path)
@@ -357,7 +357,7 @@ def test_values_of_the_wrong_sort_are_reported(files: dict[str, Data], tmp_path:
     with pytest.raises(InputError, match="cannot be read"):  # the reach refers to it
         check(data, tmp_path)
     data = copy.deepcopy(files["hand"])
-    data["entities"][own[5]] = copy.deepcopy(data["entities"][own[4]])
+    data["entities"][own[6]] = copy.deepcopy(data["entities"][own[4]])
     assert any("not of the right sort" in p for p in check(data, tmp_path))
 
 

@@ -7,6 +7,7 @@ while a call runs; known chatter is dropped and the rest goes to stderr, so that
 from __future__ import annotations
 
 import os
+import re
 import sys
 import tempfile
 from abc import ABC, abstractmethod
@@ -22,6 +23,7 @@ import numpy as np
 from gentamp_lp.geometry.shapes import Rgba, Shape
 from gentamp_lp.geometry.transforms import Array, quaternion, rotation
 
+_NO_INERTIA = re.compile(r"b3Warning\[[^]]*BulletUrdfImporter[^]]*\]:\n\w[^\n]*?(?=b3Warning|\n|\Z)")  # of mere frames
 _CHATTER = ("pybullet build time", "argv[0]=", "startThreads", "started thread")
 
 
@@ -43,7 +45,7 @@ def _quiet() -> Iterator[None]:
                 os.dup2(copy, descriptor)
                 os.close(copy)
             held.seek(0)
-            for line in held.read().decode(errors="replace").splitlines():
+            for line in _NO_INERTIA.sub("", held.read().decode(errors="replace")).splitlines():
                 if line.strip() and not line.startswith(_CHATTER):
                     print(line, file=sys.stderr)  # noqa: T201
 
@@ -91,6 +93,7 @@ class Bullet(Closing):
         self.client: int = pybullet.connect(pybullet.DIRECT)
         if self.client < 0:
             raise RuntimeError("PyBullet gave no connection")
+        self._centres: dict[int, Array] = {}  # of mass, in the base's URDF frame: what PyBullet moves
 
     def close(self) -> None:
         """End the world; calling it again does nothing."""
@@ -103,7 +106,11 @@ class Bullet(Closing):
     def load(self, urdf: Path) -> int:
         """Load a URDF with its base fixed at the origin and return the body. Raises pybullet.error."""
         with _quiet():
-            return int(pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=self.client))
+            body = int(pybullet.loadURDF(str(urdf), useFixedBase=True, physicsClientId=self.client))
+        centre, turn = pybullet.getDynamicsInfo(body, -1, physicsClientId=self.client)[3:5]
+        self._centres[body] = np.eye(4)
+        self._centres[body][:3, :3], self._centres[body][:3, 3] = rotation(np.array(turn)), centre
+        return body
 
     def add(self, shape: Shape, pose: Array) -> int:
         """Add the solid parts of a shape as one movable, massless body and return it."""
@@ -163,7 +170,8 @@ class Bullet(Closing):
         return int(body)
 
     def move(self, body: int, pose: Array) -> None:
-        """Put the base of a body at a pose."""
+        """Put the base of a body (its URDF frame, if it has one) at a pose."""
+        pose = pose @ self._centres.get(body, np.eye(4))
         pybullet.resetBasePositionAndOrientation(
             body, pose[:3, 3].tolist(), quaternion(pose).tolist(), physicsClientId=self.client
         )
@@ -189,6 +197,12 @@ class Bullet(Closing):
         infos = [pybullet.getJointInfo(body, i, physicsClientId=self.client) for i in range(count)]
         return {info[12].decode(): info[0] for info in infos}
 
+    def joints(self, body: int) -> dict[str, int]:
+        """Return the joint names of a body and their indices."""
+        count = pybullet.getNumJoints(body, physicsClientId=self.client)
+        infos = [pybullet.getJointInfo(body, i, physicsClientId=self.client) for i in range(count)]
+        return {info[1].decode(): info[0] for info in infos}
+
     def set_joints(self, body: int, joints: Sequence[int], values: Sequence[float] | Array) -> None:
         """Set joint positions (rad or m)."""
         for joint, value in zip(joints, values, strict=True):
@@ -212,7 +226,10 @@ class Bullet(Closing):
             residualThreshold=1e-5,
             physicsClientId=self.client,
         )
-        return np.array(values[: len(joints)])
+        count = pybullet.getNumJoints(body, physicsClientId=self.client)
+        places = [pybullet.getJointInfo(body, i, physicsClientId=self.client)[3] for i in range(count)]
+        moving = sorted(place for place in places if place >= 0)
+        return np.array([values[moving.index(places[joint])] for joint in joints])
 
     def limits(self, body: int, joints: Sequence[int]) -> tuple[Array, Array]:
         """Return the lower and upper (hard) limits that the URDF gives for joints."""

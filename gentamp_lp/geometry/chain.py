@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,21 +13,54 @@ from gentamp_lp.errors import InputError
 from gentamp_lp.geometry.transforms import Array
 
 
-def _origin(element: ET.Element | None) -> Array:
-    """Return the 4×4 pose of an `<origin>` (identity when it is missing)."""
+SLIDING, TURNING = ("prismatic",), ("revolute", "continuous")
+
+
+def frame(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
+    """Return the 4×4 pose at `xyz` (m) with roll, pitch and yaw (rad)."""
     result = np.eye(4)
-    if element is not None:
-        result[:3, 3] = [float(v) for v in element.get("xyz", "0 0 0").split()]
-        r, p, y = (float(v) for v in element.get("rpy", "0 0 0").split())
-        (cr, cp, cy), (sr, sp, sy) = np.cos([r, p, y]), np.sin([r, p, y])
-        about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-        result[:3, :3] = about_z @ about_y @ about_x
+    result[:3, 3] = xyz
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    result[:3, :3] = about_z @ about_y @ about_x
     return result
 
 
-def _link(joint: ET.Element, role: str) -> str:
+def origin(element: ET.Element) -> Array:
+    """Return the 4×4 pose of an element's `<origin>` (identity when it is missing)."""
+    found = element.find("origin")
+    if found is None:
+        return np.eye(4)
+    xyz, rpy = ([float(v) for v in found.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return frame(xyz, rpy)
+
+
+def _axis(joint: ET.Element) -> Array:
+    """Return the unit axis (3,) of a joint."""
+    found = joint.find("axis")
+    axis = np.array([float(v) for v in (found.attrib["xyz"] if found is not None else "1 0 0").split()])
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def motion(joint: ET.Element, value: float) -> Array:
+    """Return the 4×4 pose of a joint's child at a value (rad, m), seen from where it is at 0."""
+    result = np.eye(4)
+    if value and joint.get("type") in SLIDING:
+        result[:3, 3] = value * _axis(joint)
+    elif value and joint.get("type") in TURNING:
+        skew = _skew(_axis(joint))
+        result[:3, :3] += np.sin(value) * skew + (1 - np.cos(value)) * skew @ skew
+    return result
+
+
+def _skew(axis: Array) -> Array:
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def link_of(joint: ET.Element, role: str) -> str:
     """Return the name of the parent or the child of a joint. Raises InputError when it has none."""
     element = joint.find(role)
     if element is None:
@@ -46,16 +80,18 @@ def _limits(joint: ET.Element) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Revolute joints in series, `dof` of them; `links[i]` is moved by joint i.
+    """Revolute and prismatic joints in series, `dof` of them; `links[i]` is moved by joint i.
 
-    The pose of link i in link i-1 is `base[i] + sin(q) * sine[i] + (1 - cos(q)) * versine[i]` (4×4 each);
-    `tip` is the pose of the tool in the last link. `lower` and `upper` are the soft limits (rad).
+    The pose of link i in link i-1 is `base[i] + sin(q) * sine[i] + (1 - cos(q)) * versine[i] + q * slide[i]` (4×4
+    each); `tip` is the pose of the tool in the last link. `lower` and `upper` are the soft limits (rad, m).
     """
 
+    joints: tuple[str, ...]
     links: tuple[str, ...]
     base: Array
     sine: Array
     versine: Array
+    slide: Array
     axes: Array
     tip: Array
     lower: Array
@@ -71,6 +107,8 @@ class Chain:
         sine = np.sin(configurations)[..., None, None]
         versine = 1 - np.cos(configurations)[..., None, None]
         local = self.base + sine * self.sine + versine * self.versine
+        if self.slide.any():
+            local += configurations[..., None, None] * self.slide
         result = np.empty_like(local)
         result[:, 0] = local[:, 0]
         for i in range(1, self.dof):
@@ -114,6 +152,8 @@ class Chain:
             axes = np.einsum("nlij,lj->nli", frames[:, :, :3, :3], self.axes)
             arms = tools[:, None, :3, 3] - frames[:, :, :3, 3]
             jacobian = np.concatenate([_cross(axes, arms), axes], axis=2)  # (n, dof, 6), transposed
+            for joint in np.flatnonzero(self.slide.any(axis=(1, 2))):
+                jacobian[:, joint, :3], jacobian[:, joint, 3:] = axes[:, joint], 0.0
             damping = np.minimum(1e-2, 1e-2 * error**2 + 1e-9)
             gram = jacobian.transpose(0, 2, 1) @ jacobian + damping[:, None, None] * np.eye(6)
             change = (jacobian @ np.linalg.solve(gram, twist[:, :, None]))[:, :, 0]
@@ -129,38 +169,47 @@ def _cross(first: Array, second: Array) -> Array:
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
-def read_chain(urdf: Path, tip: str) -> Chain:
+def read_chain(urdf: Path, tip: str, *, start: Array | None = None, tool: Array | None = None,
+               held: Mapping[str, float] | None = None) -> Chain:
     """Return the chain from the root of a URDF to the link `tip`.
 
-    Fixed joints are folded in. Raises InputError when the link is missing or a moving joint is not revolute.
+    The root stands at `start` and the tool at `tool` in the tip's frame (4×4, identity if not given). Fixed joints are
+    folded in, and so are those `held` at a value. Raises InputError when the link is missing or a joint neither turns
+    nor slides.
     """
-    joints = {_link(j, "child"): j for j in ET.parse(urdf).getroot().iter("joint")}
+    joints = {link_of(j, "child"): j for j in ET.parse(urdf).getroot().iter("joint") if j.find("child") is not None}
     if tip not in joints:
         raise InputError(f"{urdf}: no link {tip}")
     series: list[tuple[str, ET.Element]] = []
     link = tip
     while link in joints:
         series.append((link, joints[link]))
-        link = _link(joints[link], "parent")
-    links, bases, axes, limits = [], [], [], []
-    pending = np.eye(4)
-    for name, joint in reversed(series):
-        pending = pending @ _origin(joint.find("origin"))
-        if joint.get("type") == "fixed":
+        link = link_of(joints[link], "parent")
+    names, links, bases, axes, sliding, limits = [], [], [], [], [], []
+    pending = np.eye(4) if start is None else start
+    for link, joint in reversed(series):
+        pending = pending @ origin(joint)
+        name, kind = joint.get("name", ""), joint.get("type", "")
+        if kind == "fixed" or name in (held or {}):
+            pending = pending @ motion(joint, (held or {}).get(name, 0.0))
             continue
-        if joint.get("type") not in ("revolute", "continuous"):
-            raise InputError(f"{urdf}: joint {joint.get('name')} is neither revolute nor fixed")
-        axis = joint.find("axis")
-        links.append(name)
+        if kind not in SLIDING + TURNING:
+            raise InputError(f"{urdf}: joint {name} neither turns nor slides")
+        names.append(name)
+        links.append(link)
         bases.append(pending)
-        axes.append([float(v) for v in (axis.attrib["xyz"] if axis is not None else "1 0 0").split()])
+        axes.append(_axis(joint))
+        sliding.append(kind in SLIDING)
         limits.append(_limits(joint))
         pending = np.eye(4)
-    base, axis_array = np.array(bases), np.array(axes)
-    axis_array /= np.linalg.norm(axis_array, axis=1, keepdims=True)
-    skew = np.zeros((len(links), 4, 4))
-    x, y, z = axis_array.T
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
-    skew[:, 1, 0], skew[:, 2, 0], skew[:, 2, 1] = z, -y, x
-    lower, upper = np.array(limits).T
-    return Chain(tuple(links), base, base @ skew, base @ skew @ skew, axis_array, pending, lower, upper)
+    base, lower, upper = np.array(bases), *np.array(limits).T
+    skew, slide = np.zeros((2, len(links), 4, 4))
+    for i, axis in enumerate(axes):
+        if sliding[i]:
+            slide[i, :3, 3] = axis
+        else:
+            skew[i, :3, :3] = _skew(axis)
+    return Chain(
+        tuple(names), tuple(links), base, base @ skew, base @ skew @ skew, base @ slide, np.array(axes),
+        pending if tool is None else pending @ tool, lower, upper,
+    )  # fmt: skip

@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
-from gentamp_lp.geometry.robots import Link, Robot, Trajectory
+from gentamp_lp.geometry.description import Drive
+from gentamp_lp.geometry.gripper import block
+from gentamp_lp.geometry.robots import Robot, Trajectory
 from gentamp_lp.geometry.transforms import Array, inverse, pose
 
 BACK = 0.35
@@ -18,21 +20,21 @@ _STEP, _TURN = 0.02, 0.03  # the base stops every 2 cm and 0.03 rad, the tool th
 class Mobile(Robot):
     """An arm on a base that drives in any direction; a configuration is x, y, yaw (m, rad), then the arm's own.
 
-    `platform` is the rigid body that drives, in the arm's frame; `stance` is how far (m) in front of the base things
-    should be for the arm to reach them.
+    `stance` is how far (m) in front of the base things should be for the arm to reach them; `platform` is the body
+    that drives, in the base's frame, where the arm has none of its own.
     """
 
     mobile = True
 
-    def __init__(self, name: str, arm: Robot, platform: Link, stance: float) -> None:
+    def __init__(self, name: str, arm: Robot, base: Drive) -> None:
         self.name = name
         self.arm = arm
-        self.stance = stance
+        self.stance = base.stance
         self.opening = arm.opening
         self.home = np.concatenate([np.zeros(3), arm.home])
-        self.links = (*arm.links, platform)
-        self.platform = platform
-        self.urdf, self.tip, self.fingers = arm.urdf, arm.tip, arm.fingers
+        self.platform = block("platform", base.platform.lower, base.platform.upper) if base.platform else None
+        self.links = (*arm.links, self.platform) if self.platform else arm.links
+        self.fingers, self.description = arm.fingers, arm.description
 
     def close(self) -> None:
         """Free what the arm holds."""
@@ -46,7 +48,7 @@ class Mobile(Robot):
         """Return the poses (n, links, 4, 4) of the arm's links and the platform."""
         places = _places(configurations)
         arm = places[:, None] @ self.arm.frames(configurations[:, 3:], opening)
-        return np.concatenate([arm, places[:, None]], axis=1)
+        return np.concatenate([arm, places[:, None]], axis=1) if self.platform else arm
 
     def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
         """Return an approach from a base at the origin."""

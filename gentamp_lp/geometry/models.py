@@ -6,10 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
+from gentamp_lp.geometry.arm import load_urdf
 from gentamp_lp.geometry.bullet import Bullet
+from gentamp_lp.geometry.description import Description
+from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.robots import Robot
-from gentamp_lp.geometry.shapes import Rgba
-from gentamp_lp.geometry.transforms import Array
+from gentamp_lp.geometry.shapes import GREY, Rgba
+from gentamp_lp.geometry.transforms import Array, pose
 
 _WHITE: Rgba = (0.93, 0.93, 0.94, 1.0)
 
@@ -37,37 +40,52 @@ class Model(Protocol):
 
 
 class Jointed:
-    """A robot that PyBullet loads from its URDF."""
+    """A robot that PyBullet loads from its URDF, and the platform it may stand on."""
 
-    def __init__(self, world: Bullet, robot: Robot) -> None:
-        if robot.urdf is None:
-            raise ValueError(f"the robot {robot.name} has no URDF")
-        body = world.load(robot.urdf)
-        links = world.links(body)
+    def __init__(self, world: Bullet, robot: Robot, description: Description) -> None:
+        body = load_urdf(world, description)
+        links, joints = world.links(body), world.joints(body)
         self._world = world
         self._body = body
-        self._tip = links[robot.tip]
-        self._joints = list(range(len(robot.home)))
-        self._fingers = [links[name] for name in robot.fingers]
+        self._tip, self._tool, self._mount = links[description.tip], description.tool.matrix, description.mount.matrix
+        self._base = 3 if robot.mobile else 0
+        self._joints = [joints[name] for name in description.home]
+        self._fingers = [joints[finger.joint] for finger in description.fingers]
+        self._opening = [finger.value for finger in description.fingers]
+        world.set_joints(body, [joints[name] for name in description.posture], list(description.posture.values()))
         self._lower, self._upper = world.limits(body, self._joints)
+        platform = robot.platform if isinstance(robot, Mobile) else None
         self.pieces: tuple[int, ...] = (body,)
-        self.fingers = tuple((body, link) for link in self._fingers)
+        if platform is not None:
+            self.pieces += (world.add_hull(platform.vertices, GREY, np.eye(4)),)
+        self.fingers = tuple((body, links[name]) for name in description.pads)
         self.names = {(body, index): name for name, index in links.items()} | {(body, -1): "base"}
-        self.mounted = frozenset((body, link) for link in range(-1, robot.fixed - 1))
+        self.names |= {(piece, -1): "platform" for piece in self.pieces[1:]}
+        mounted = {robot.links[index].name for index in robot.mounted}
+        self.mounted = frozenset(key for key, name in self.names.items() if name in mounted or key == (body, -1))
 
     def set(self, configuration: Array, opening: float) -> None:
-        """Set all joints."""
-        self._world.set_joints(self._body, self._joints, configuration)
-        self._world.set_joints(self._body, self._fingers, [opening / 2] * len(self._fingers))
+        """Set the base and all joints."""
+        if self._base:
+            x, y, yaw = configuration[:3]
+            place = pose(x, y, 0.0, yaw)
+            self._world.move(self._body, place @ self._mount)
+            for piece in self.pieces[1:]:
+                self._world.move(piece, place)
+        else:
+            self._world.move(self._body, self._mount)
+        self._world.set_joints(self._body, self._joints, configuration[self._base :])
+        self._world.set_joints(self._body, self._fingers, [value(opening) for value in self._opening])
 
     def tool(self) -> Array:
-        """Return the pose of the tip link."""
-        return self._world.pose(self._body, self._tip)
+        """Return the tool pose, from that of the tip link."""
+        return self._world.pose(self._body, self._tip) @ self._tool
 
     def beyond_limits(self, configuration: Array) -> list[str]:
-        """Compare with the hard limits of the URDF."""
-        outside = (configuration < self._lower) | (configuration > self._upper)
-        return [self.names[self._body, int(joint)] for joint in np.flatnonzero(outside)]
+        """Compare with the hard limits of the URDF; a joint without any has a lower one above the upper."""
+        values = configuration[self._base :]
+        outside = ((values < self._lower) | (values > self._upper)) & (self._lower <= self._upper)
+        return [self.names[self._body, self._joints[joint]] for joint in np.flatnonzero(outside)]
 
 
 class Flying:
@@ -102,6 +120,7 @@ class Flying:
 
 def load_model(world: Bullet, robot: Robot) -> Model:
     """Return the robot's bodies in a PyBullet world, at its home configuration with open fingers."""
-    model: Model = Flying(world, robot) if robot.urdf is None else Jointed(world, robot)
+    description = robot.description
+    model: Model = Flying(world, robot) if description is None else Jointed(world, robot, description)
     model.set(robot.home, robot.opening)
     return model

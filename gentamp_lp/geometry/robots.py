@@ -6,16 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import fcl
 import numpy as np
 
-from gentamp_lp.errors import InputError
+from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.collision import Geometry, Swept, convex, placed
 from gentamp_lp.geometry.grasping import Approach, Grasp, grasps
 from gentamp_lp.geometry.shapes import Shape
 from gentamp_lp.geometry.transforms import Array, inverse
+
+if TYPE_CHECKING:
+    from gentamp_lp.geometry.description import Description
 
 __all__ = ["STANDOFF", "STEPS", "Approach", "Body", "Grasp", "Link", "Robot", "Trajectory", "make_robot"]
 
@@ -65,9 +68,9 @@ class Robot(ABC):
     """A robot with a parallel gripper whose base stands at the world's origin, flush with the table.
 
     Subclasses set the attributes: `name`; `opening`, the largest finger distance (m); `home`, a configuration
-    (dof,); `links`; `flies`, whether it gets everywhere; `fixed`, how many of the first links may touch the table
-    (they belong to the base); `urdf`, a file that describes the robot, with the links `tip` (the tool frame) and
-    `fingers`.
+    (dof,); `links`; `flies`, whether it gets everywhere; `mounted`, the positions of links that may touch the table
+    (they belong to the base); `fingers`, the names of the links that touch what is held; `description`, unless it is
+    a hand only.
     """
 
     mobile: ClassVar[bool] = False
@@ -78,10 +81,9 @@ class Robot(ABC):
     home: Array
     links: tuple[Link, ...]
     flies: bool = False
-    fixed: int = 0
-    urdf: Path | None = None
-    tip: str = ""
+    mounted: frozenset[int] = frozenset()
     fingers: tuple[str, ...] = ("left_finger", "right_finger")
+    description: Description | None = None
 
     def close(self) -> None:  # noqa: B027 (most robots hold nothing)
         """Free what the robot holds."""
@@ -140,10 +142,12 @@ class Robot(ABC):
         table: `reach` did. Raises ValueError for `held` without `grasp`.
         """
         frames = self.frames(trajectory.configurations, trajectory.opening)
+        still = np.zeros(frames.shape[:2], dtype=bool)
+        still[1:] = (frames[1:] == frames[:-1]).all(axis=(2, 3))
         solid = [
-            fcl.CollisionObject(link.geometry, fcl.Transform(frame[:3, :3], frame[:3, 3]))
-            for step in frames
-            for link, frame in zip(self.links, step, strict=True)
+            fcl.CollisionObject(self.links[link].geometry, fcl.Transform(frame[:3, :3], frame[:3, 3]))
+            for step, link in np.argwhere(~still)
+            for frame in (frames[step, link],)
         ]
         centres = np.concatenate(
             [
@@ -168,7 +172,9 @@ class Robot(ABC):
 
     def above_table(self, frames: Array) -> bool:
         """Tell whether all moving links, posed by `frames` (n, links, 4, 4), stay above the table."""
-        for index in range(self.fixed, len(self.links)):
+        for index in range(len(self.links)):
+            if index in self.mounted:
+                continue
             rows = frames[:, index, 2]
             heights = rows[:, :3] @ self.links[index].vertices.T + rows[:, 3:]
             if heights.min() <= 0:
@@ -176,22 +182,35 @@ class Robot(ABC):
         return True
 
 
-ROBOTS = ("gripper", "panda", "mobile_gripper")
+DESCRIPTIONS = Path(__file__).parent / "descriptions"
+
+
+def robot_names() -> list[str]:
+    """The robots that need no file of the user's."""
+    return ["gripper", "mobile_gripper", *sorted(path.stem for path in DESCRIPTIONS.glob("*.yaml"))]
 
 
 def make_robot(name: str) -> Robot:
-    """Return a robot by name: `gripper` (free-flying hand) or `panda` (Franka Panda). Raises InputError."""
-    if name == "gripper":
-        from gentamp_lp.geometry.gripper import Gripper
+    """Return a robot: `gripper`, a free-flying hand, `mobile_gripper`, one above a platform that drives, or a
+    described one by its name or the path of its YAML file. Raises InputError.
+    """
+    from gentamp_lp.geometry.arm import Arm
+    from gentamp_lp.geometry.description import Box, Drive, load_description
+    from gentamp_lp.geometry.gripper import Gripper
+    from gentamp_lp.geometry.mobile import Mobile
 
-        return Gripper()
-    if name == "mobile_gripper":
-        from gentamp_lp.geometry.gripper import Gripper, block
-        from gentamp_lp.geometry.mobile import Mobile
-
-        return Mobile("mobile_gripper", Gripper(furthest=0.8), block("platform", (-0.2, -0.2, -0.65), (0.2, 0.2, -0.05)), 0.3)
-    if name == "panda":
-        from gentamp_lp.geometry.panda import Panda
-
-        return Panda()
-    raise InputError(f"unknown robot {name!r}; known robots: {', '.join(ROBOTS)}")
+    match name:
+        case "gripper":
+            return Gripper()
+        case "mobile_gripper":
+            platform = Box(lower=(-0.20, -0.20, -0.65), upper=(0.20, 0.20, -0.02))
+            return Mobile(name, Gripper(furthest=0.8), Drive(stance=0.30, platform=platform))
+    path = DESCRIPTIONS / f"{name}.yaml"
+    if not path.is_file():
+        path = Path(name)
+    if path.suffix != ".yaml" or not path.is_file():
+        hint = f"known robots: {', '.join(robot_names())}; or give the path of a description (.yaml)"
+        raise InputError(Diagnostic(f"unknown robot {name!r}", hint=hint))
+    description = load_description(path)
+    arm = Arm(name, description)
+    return arm if description.base is None else Mobile(name, arm, description.base)
