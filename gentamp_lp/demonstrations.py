@@ -232,7 +232,7 @@ def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Se
     """Where these demonstrations are cached: the name is a digest of all that determines them."""
     digest = hashlib.sha256(repr((gentamp_lp.__version__, seed, robot, around, [str(s) for s in sizes])).encode())
     code = Path(__file__).parent
-    sources = [*code.glob("*.py"), *code.glob("streams/*.py"), *code.glob("geometry/*.py")]
+    sources = [p for kind in ("py", "yaml") for p in code.rglob(f"*.{kind}")]
     for path in [task.path, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
         digest.update(path.read_bytes())
     return Path(

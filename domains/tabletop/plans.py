@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from gentamp_lp.geometry.bullet import Camera
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.mobile import Mobile
-from gentamp_lp.geometry.render import STILL, film, save_movie, save_still, smooth
+from gentamp_lp.geometry.render import MOVIE, STILL, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay, State
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
 
-from .samplers import Reach
 from . import rooms
+from .samplers import Reach
 from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
@@ -134,7 +135,7 @@ def check_facts(world: World, facts: Sequence[Sequence[str]], values: Mapping[st
                 if not _beside(world, support, base):
                     problems.append(f"{claim}: the base is not in front of {support}")
             case ("drive", [first, last, rooms.Way() as way]) | ("carry", [_, _, first, last, rooms.Way() as way]):
-                if not all(_same_place(base.place, at) for base, at in zip((first, last), way.path[[0, -1]], strict=True)):
+                if not (_same_place(first.place, way.path[0]) and _same_place(last.place, way.path[-1])):
                     problems.append(f"{claim}: the drive does not lead from the one base to the other")
             case "reach", [name, placement, place, grasp, base, Reach() as reach]:
                 stated = reach.placement, reach.support_place, reach.grasp, reach.base
@@ -233,13 +234,22 @@ def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], 
     where = {name: place for name, (_, place) in mats.items()}
     states = [replace(state, poses=state.poses | where) for state in states]
     if path.suffix == ".png":
-        first, last = film(world.robot, shapes, [states[0], states[-1]], STILL)
+        first, last = film(world.robot, shapes, [states[0], states[-1]], _view(world, STILL), world.tables)
         both = Image.new("RGB", (first.width + last.width, first.height))
         both.paste(first, (0, 0))
         both.paste(last, (first.width, 0))
         save_still(both, path)
     else:
-        save_movie(film(world.robot, shapes, smooth(world.robot, states)), path, seconds=0.08)
+        images = film(world.robot, shapes, smooth(world.robot, states), _view(world, MOVIE), world.tables)
+        save_movie(images, path, seconds=0.08)
+
+
+def _view(world: World, camera: Camera) -> Camera:
+    """The camera, far enough away to see all tables of a room."""
+    if not world.tables:
+        return camera
+    far = max(abs(float(v)) + max(shape.extent[:2]) / 2 for shape, where in world.tables for v in where[:2, 3])
+    return replace(camera, eye=(0.6 * far, -2.2 * far, 1.5 * far), target=(0.0, 0.0, -0.1 * far), angle=44.0)
 
 
 def _mats(world: World) -> dict[str, tuple[Shape, Array]]:

@@ -25,7 +25,7 @@ _REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and gra
 
 @dataclass(eq=False)
 class Reach:
-    """A value of sort reach: how the hand gets to `name`, placed at `placement` (in the world: `target`), from `base`."""
+    """How, from `base`, the hand gets to `name`, placed at `placement` (in the world, `target`)."""
 
     robot: Robot
     name: str
@@ -79,7 +79,8 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
 
         if grasp in world.approaches and placement is world.start[name] and base is world.base:
             yield reach(world.approaches[grasp])
-        generator = rng("reach", name, _digest(placement.transform), _digest(place.transform), _digest(grasp.tool), *_known(base))
+        key = [_digest(matrix) for matrix in (placement.transform, place.transform, grasp.tool)]
+        generator = rng("reach", name, *key, *_known(base))
         for _ in range(_REACH_ATTEMPTS):
             trajectory = world.robot.reach_from(base.place, target @ grasp.tool, grasp.opening, generator)
             if trajectory is not None:

@@ -41,6 +41,8 @@ class Arm(Robot):
     soft limits, the straight approach, the table and the robot itself are then checked without PyBullet.
     """
 
+    description: Description
+
     def __init__(self, name: str, description: Description) -> None:
         self.name = name
         self.description = description

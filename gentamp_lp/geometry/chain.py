@@ -12,7 +12,6 @@ import numpy as np
 from gentamp_lp.errors import InputError
 from gentamp_lp.geometry.transforms import Array
 
-
 SLIDING, TURNING = ("prismatic",), ("revolute", "continuous")
 
 
@@ -169,8 +168,14 @@ def _cross(first: Array, second: Array) -> Array:
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
-def read_chain(urdf: Path, tip: str, *, start: Array | None = None, tool: Array | None = None,
-               held: Mapping[str, float] | None = None) -> Chain:
+def read_chain(
+    urdf: Path,
+    tip: str,
+    *,
+    start: Array | None = None,
+    tool: Array | None = None,
+    held: Mapping[str, float] | None = None,
+) -> Chain:
     """Return the chain from the root of a URDF to the link `tip`.
 
     The root stands at `start` and the tool at `tool` in the tip's frame (4×4, identity if not given). Fixed joints are

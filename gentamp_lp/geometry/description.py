@@ -69,7 +69,10 @@ class Box(_Section):
 
 
 class Drive(_Section):
-    """A base that drives: things should be `stance` (m) in front of it; `platform` is its body, if the URDF has none."""
+    """A base that drives.
+
+    Things should be `stance` (m) in front of it; `platform` is its body, where the URDF has none.
+    """
 
     stance: float = Field(gt=0)
     platform: Box | None = None
@@ -116,8 +119,10 @@ class Description(_Section):
         try:
             return Path(str(distribution(self.distribution).locate_file(name)))
         except PackageNotFoundError:
-            hint = f"pip install {self.distribution}"
-            raise InputError(Diagnostic("the package with this robot's files is missing", self.path, hint=hint)) from None
+            missing = Diagnostic(
+                "the package with this robot's files is missing", self.path, hint=f"pip install {self.distribution}"
+            )
+            raise InputError(missing) from None
 
 
 def load_description(path: Path) -> Description:
@@ -173,7 +178,9 @@ class Bodies:
         return result
 
 
-def _hull(collision: ET.Element, description: Description, meshes: dict[str, Any]) -> tuple[Array, np.ndarray[Any, Any]]:
+def _hull(
+    collision: ET.Element, description: Description, meshes: dict[str, Any]
+) -> tuple[Array, np.ndarray[Any, Any]]:
     """Return vertices (n, 3) and faces (m, 3) of the convex hull of a collision element, in its link's frame."""
     import trimesh
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,9 +55,7 @@ class Mobile(Robot):
         """Return an approach from a base at the origin."""
         return self.reach_from(np.zeros(3), tool_pose, opening, rng)
 
-    def reach_from(
-        self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator
-    ) -> Trajectory | None:
+    def reach_from(self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
         """Return an approach from a base at x, y, yaw."""
         found = self.arm.reach(inverse(pose(base[0], base[1], 0.0, base[2])) @ tool_pose, opening, rng)
         if found is None:
@@ -66,7 +65,8 @@ class Mobile(Robot):
 
     def between(self, first: Array, second: Array, count: int) -> Array:
         """Return configurations between two; base and arm move evenly."""
-        return np.hstack([super().between(first[:3], second[:3], count), self.arm.between(first[3:], second[3:], count)])
+        base = super().between(first[:3], second[:3], count)
+        return np.hstack([base, self.arm.between(first[3:], second[3:], count)])
 
 
 def drive(first: Array, last: Array) -> Array:
@@ -75,7 +75,7 @@ def drive(first: Array, last: Array) -> Array:
     corners = [first, _behind(first), _behind(last), last]
     corners[2:] = [np.array([x, y, first[2] + turn]) for x, y, _ in corners[2:]]
     path = [corners[0]]
-    for start, end in zip(corners, corners[1:], strict=False):
+    for start, end in pairwise(corners):
         pieces = max(np.linalg.norm(end[:2] - start[:2]) / _STEP, abs(end[2] - start[2]) / _TURN)
         path += [start + (end - start) * share for share in np.linspace(0, 1, max(2, math.ceil(pieces) + 1))[1:]]
     return np.array(path)

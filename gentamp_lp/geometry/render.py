@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,26 +24,22 @@ STILL = Camera()
 MOVIE = replace(STILL, width=480, height=360)
 """View of an animation."""
 
-_TABLE: Rgba = (0.80, 0.72, 0.62, 1.0)
+_WOOD: Rgba = (0.80, 0.72, 0.62, 1.0)
+_TOP = box(1.10, 1.30, 0.04), pose(0.30, 0.0, -0.04)
 
 
 class Scene(Closing):
-    """A robot at a table with objects, to be looked at. Use it as a context manager or call `close`.
+    """A robot at tables with objects, to be looked at. Use it as a context manager or call `close`.
 
-    `table` holds the lower and the upper corner (x, y) of the table top at z = 0, in m.
+    `tables` are their shapes and poses; the default is a table top in front of a robot at the origin.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        table: tuple[tuple[float, float], tuple[float, float]] = ((-0.25, -0.65), (0.85, 0.65)),
-    ) -> None:
+    def __init__(self, robot: Robot, tables: Sequence[tuple[Shape, Array]] = (_TOP,)) -> None:
         self._world = Bullet()
         self._model = load_model(self._world, robot)
         self._bodies: dict[str, int] = {}
-        (x0, y0), (x1, y1) = table
-        top = box(x1 - x0, y1 - y0, 0.04, _TABLE)
-        self._world.add(top, pose((x0 + x1) / 2, (y0 + y1) / 2, -0.04))
+        for shape, where in tables:
+            self._world.add(replace(shape, rgba=_WOOD), where)
 
     def close(self) -> None:
         """Free the PyBullet world."""
@@ -98,10 +94,14 @@ def smooth(robot: Robot, states: Iterable[State], longest: float = 0.08) -> Iter
 
 
 def film(
-    robot: Robot, shapes: Mapping[str, Shape], states: Iterable[State], camera: Camera = MOVIE
+    robot: Robot,
+    shapes: Mapping[str, Shape],
+    states: Iterable[State],
+    camera: Camera = MOVIE,
+    tables: Sequence[tuple[Shape, Array]] = (),
 ) -> Iterator[Image.Image]:
-    """Yield a picture of each state; `shapes` gives the objects to draw."""
-    with Scene(robot) as scene:
+    """Yield a picture of each state; `shapes` gives the objects to draw, `tables` the tables of a room."""
+    with Scene(robot, tables or (_TOP,)) as scene:
         for state in states:
             for name, shape in shapes.items():
                 if name in state.poses:

@@ -299,9 +299,7 @@ class Replay(Closing):
         """Note when a finger is not near the object, or both are on the same side of it."""
         sides = []
         for body, link in self._model.fingers:
-            near = self._world.closest(
-                body, self._objects[name].body, PAD, link if link >= 0 else None
-            )
+            near = self._world.closest(body, self._objects[name].body, PAD, link if link >= 0 else None)
             if not near:
                 self._note(f"the {self._model.names[body, link]} is not within {1000 * PAD:.0f} mm of {name}")
                 continue
@@ -330,8 +328,8 @@ class Replay(Closing):
         """Tell whether an object's bottom is at a support's top and its centre over it."""
         if name == TABLE:
             x, y, z = item.pose[:3, 3]
-            over = (np.abs(where[:2, 3] - [x, y]) <= np.array(shape.extent[:2]) / 2 for shape, where in self._tables)
-            return abs(float(z)) <= RESTING and any(bool(inside.all()) for inside in over)
+            within = (np.abs(where[:2, 3] - [x, y]) <= np.array(shape.extent[:2]) / 2 for shape, where in self._tables)
+            return abs(float(z)) <= RESTING and any(bool(inside.all()) for inside in within)
         below = self._objects[name]
         x, y, z = (float(v) for v in (inverse(below.pose) @ item.pose)[:3, 3])
         if below.shape.interior is not None:

@@ -106,9 +106,7 @@ class Robot(ABC):
         collision with the robot itself and with the table. Other objects are not considered: see `swept`.
         """
 
-    def reach_from(
-        self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator
-    ) -> Trajectory | None:
+    def reach_from(self, base: Array, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
         """Return an approach with the base at x, y, yaw (3,), as `reach` does; a fixed robot stays where it is."""
         return self.reach(tool_pose, opening, rng)
 
