@@ -83,7 +83,9 @@ TaskArg = Annotated[str, typer.Argument(metavar="TASK", help="Path of a task fil
 JsonOpt = Annotated[bool, typer.Option("--json", help="Print one JSON document to stdout.")]
 QuietOpt = Annotated[bool, typer.Option("--quiet", "-q", help="No progress messages.")]
 SeedOpt = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same result.")]
-RobotOpt = Annotated[str | None, typer.Option("--robot", help="Robot instead of the task's: a name or a .yaml, see docs/robots.md.")]
+RobotOpt = Annotated[
+    str | None, typer.Option("--robot", help="Robot instead of the task's: a name or a .yaml, see docs/robots.md.")
+]
 TransitionsOpt = Annotated[Transitions, typer.Option(help="Plans only, or plans and what is around them.")]
 CacheOpt = Annotated[bool, typer.Option(help="Use demonstrations planned before.")]
 GrammarOpt = Annotated[

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,14 @@ from gentamp_lp.geometry.robots import STANDOFF, STEPS, make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose
 
+
+def installed(package):
+    try:
+        return bool(distribution(package))
+    except PackageNotFoundError:
+        return False
+
+
 CUBE = box(0.05, 0.05, 0.05)
 TALL = cylinder(0.033, 0.10)
 
@@ -28,6 +38,10 @@ def robot(request):
     made = make_robot(request.param)
     yield made
     made.close()
+
+
+EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "arm" / "arm.yaml"
+PR2 = pytest.param("pr2", marks=pytest.mark.skipif(not installed("example-robot-data"), reason="no extra `robots`"))
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +65,57 @@ def targets(count, seed):
 def test_unknown_robots_are_refused():
     with pytest.raises(InputError, match="mobile_panda, panda"):
         make_robot("hand")
+
+
+def described(tmp_path, old="", new=""):
+    """The example arm, its description changed."""
+    text = EXAMPLE.read_text()
+    assert old in text
+    (tmp_path / "arm.urdf").write_bytes(EXAMPLE.with_name("arm.urdf").read_bytes())
+    path = tmp_path / "arm.yaml"
+    path.write_text(text.replace(old, new))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("tip: hand", "tip: foot", "no link foot"),
+        ("lift: -0.3, ", "", "from root to tip they are pan, lift"),
+        ("opening: 0.08", "opening: wide", "opening: Input should be a valid number"),
+        ("tip: hand", "tips: hand", "tips: Extra inputs"),
+        ("urdf: arm.urdf", "{distribution: no-such-package, urdf: x", "cannot read the robot's description"),
+    ],
+)
+def test_mistakes_in_a_description_are_named(tmp_path, old, new, words):
+    with pytest.raises(InputError, match=words):
+        make_robot(described(tmp_path, old, new))
+
+
+def test_missing_packages_are_named(tmp_path):
+    with pytest.raises(InputError, match="pip install no-such-package"):
+        make_robot(described(tmp_path, "urdf: arm.urdf", "distribution: no-such-package\nurdf: arm.urdf"))
+
+
+def test_a_joint_that_slides_reaches_higher(tmp_path):
+    """Posture folds a joint in; a chain with a prismatic joint solves like any other."""
+    path = described(tmp_path, "home: {", "restarts: 48\nhome: {rise: 0.1, ")
+    urdf = tmp_path / "arm.urdf"
+    column = """<link name="foot"/><joint name="rise" type="prismatic"><parent link="foot"/><child link="base"/>
+      <origin xyz="0 0 0"/><axis xyz="0 0 1"/><limit lower="0" upper="0.3" effort="9" velocity="1"/></joint>"""
+    urdf.write_text(urdf.read_text().replace('<robot name="arm">', f'<robot name="arm">{column}'))
+    arm = make_robot(path)
+    assert arm.chain.joints[0] == "rise" and arm.chain.upper[0] == 0.3
+    high = pose(0.35, 0.1, 0.80) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    rng = np.random.default_rng(0)
+    trajectory = arm.reach(high, 0.05, rng)
+    assert trajectory is not None and trajectory.configurations[-1, 0] > 0.05
+    assert difference(arm.tool(trajectory.configurations[-1]), high)[0] < 1e-3
+    text = urdf.read_text()
+    path = described(tmp_path, "home: {", "restarts: 48\nposture: {rise: 0.0}\nhome: {")
+    urdf.write_text(text)
+    stiff = make_robot(path)
+    assert stiff.chain.dof == 6 and stiff.reach(high, 0.05, rng) is None
 
 
 # grasps
@@ -154,15 +219,24 @@ def test_panda_reaches_what_is_feasible(panda):
     assert np.median(seconds) < 0.05
 
 
-def test_kinematics_agree_with_pybullet(panda):
+@pytest.mark.parametrize("name", ["panda", "mobile_panda", PR2, str(EXAMPLE)])
+def test_kinematics_agree_with_pybullet(name):
+    """Every link, the fingers too, is where PyBullet's own reading of the URDF puts it."""
+    robot = make_robot(name)
     rng = np.random.default_rng(10)
+    chain = robot.arm.chain if robot.mobile else robot.chain
     with Bullet() as world:
-        model = load_model(world, panda)
+        model = load_model(world, robot)
         links = world.links(model.pieces[0])
-        for configuration in rng.uniform(panda.chain.lower, panda.chain.upper, (50, 7)):
+        arms = rng.uniform(np.maximum(chain.lower, -3), np.minimum(chain.upper, 3), (30, chain.dof))
+        bases = rng.uniform(-2, 2, (30, 3 if robot.mobile else 0))
+        for configuration in np.hstack([bases, arms]):
             model.set(configuration, 0.03)
-            assert difference(model.tool(), panda.tool(configuration))[0] < 1e-6
-            for body in panda.bodies(configuration, 0.03)[1:]:
+            assert model.beyond_limits(configuration) == []
+            assert difference(model.tool(), robot.tool(configuration))[0] < 1e-6
+            for body in robot.bodies(configuration, 0.03):
+                if body.link.name not in links:  # the base, which PyBullet counts apart, and platforms
+                    continue
                 metres, radians = difference(world.pose(model.pieces[0], links[body.link.name]), body.pose)
                 assert metres < 1e-6 and radians < 1e-3
 
