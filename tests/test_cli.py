@@ -100,7 +100,7 @@ def test_the_same_seed_gives_the_same_bytes(workplace, tmp_path):
     ("args", "words"),
     [
         (("learn", "tasks/none.yaml"), "no such file"),
-        (("learn", "unstak"), "clutter, load, sort, unstack"),
+        (("learn", "unstak"), "clutter, load, sort, transport, transport-paper, unstack"),
         (("learn", "broken.yaml"), "broken.yaml:4: error"),
         (("learn", "unknown.yaml"), "unknown predicate `Shelf`"),
         (("learn", "unstack", "--grammar", "bad.lp"), "bad.lp:1:"),

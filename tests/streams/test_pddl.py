@@ -14,8 +14,8 @@ STREAM_TEXT = (FOLDER / "stream.pddl").read_text()
 
 def test_tabletop_is_read_completely():
     streams = parse_streams(STREAM_TEXT, DOMAIN)
-    assert [a.name for a in DOMAIN.actions] == ["place", "pick"]
-    assert DOMAIN.fluents == {"handempty", "atpose", "atgrasp"}
+    assert [a.name for a in DOMAIN.actions] == ["place", "pick", "carry", "move"]
+    assert DOMAIN.fluents == {"handempty", "atpose", "atgrasp", "atbase"}
     assert DOMAIN.derived == {"holding", "on", "standsat", "unsafe", "blocked"}
     assert {s.name for s in streams if s.is_test} == {"test-cfree", "test-reach-cfree"}
     assert DOMAIN.predicates["atpose"].spelling == "AtPose"
@@ -47,14 +47,14 @@ def test_sorts_join_positions_that_share_a_variable_or_an_entity():
             "unknown predicate",
         ),
         (
-            "(HandEmpty) (AtPose ?o ?p) (Pose",
-            "(HandEmpty) (AtPose ?o) (Pose",
+            "(AtBase ?q) (AtPose ?o ?p) (Pose",
+            "(AtBase ?q) (AtPose ?o) (Pose",
             "(AtPose ?o) (Pose",
             "takes 2 argument(s), not 1",
         ),
         (
-            ":parameters (?o ?p ?s ?w ?g ?t)",
-            ":parameter (?o ?p ?s ?w ?g ?t)",
+            ":parameters (?o ?p ?s ?w ?g ?q ?t)",
+            ":parameter (?o ?p ?s ?w ?g ?q ?t)",
             ":parameter (",
             "unsupported keyword",
         ),
