@@ -60,7 +60,7 @@ def test_the_table_of_the_papers_features_is_true(row: tuple[str, ...]) -> None:
 
 
 def test_features_of_the_transport_base_are_read_too(tmp_path: Path) -> None:
-    """Transport F6 needs predicates that no shipped domain has."""
+    """Transport F6 needs predicates in the words of the paper."""
     from gentamp_lp.pool import PoolSession, describe
 
     facts = """sort(q). predicate(atbconf, [q]). display(atbconf, "AtBConf"). predicate(atstove, [q]).
@@ -82,7 +82,7 @@ def test_list_match_and_state() -> None:
     done = run("features", "load", "--match", "on ( x", "--state", "3")
     assert done.returncode == 0, done.stderr
     first, *rows = done.stdout.splitlines()
-    assert first.startswith("state 3 (size 3-1, seed 0): AtGrasp(tray")
+    assert first.startswith("state 3 (size 3-1, seed 0): AtBase(at_base), AtGrasp(tray")
     assert rows and all("On(x" in row for row in rows)
     assert any(re.search(r"cost 2  numeric  closed  \d\.\.\d  ∃y On\(x,y\) ∧ .*\[1: thing1\]", row) for row in rows)
     assert "pruned by laws" in done.stderr

@@ -103,7 +103,7 @@ def test_mistakes_are_located(tmp_path, text, old, new, line_of, words):
 
 
 def test_a_missing_task_names_the_shipped_ones():
-    with pytest.raises(InputError, match="clutter, load, sort, unstack"):
+    with pytest.raises(InputError, match="clutter, load, sort, transport, transport-paper, unstack"):
         Task.load("unstak")
 
 
