@@ -197,6 +197,8 @@ CASES = {
     "area upside down": (lambda p: ["check", p.task("x: [0.35, 0.65]", "x: [0.65, 0.35]")], "task.yaml:", ""),
     "size of a thing is no number": (
         lambda p: ["check", p.task("0.05, 0.05, 0.05", "a, 0.05, 0.05")], "task.yaml:", ""),
+    "negative size of a thing": (
+        lambda p: ["check", p.task("0.05, 0.05, 0.05", "-0.05, 0.05, 0.05")], "task.yaml:", ""),
     # --- grammars
     "grammar with a syntax error": (
         lambda p: ["check", p.write("g.lp", "rule(x, :- ]\n")], "g.lp:1", "error"),
@@ -226,6 +228,13 @@ CASES = {
     "domain code that lacks a hook": (
         lambda p: ["check", p.coins(code=CODE.replace("def check_plan", "def chek_plan")), "--trust"],
         "lacks check_plan", ""),
+    "sampler that raises": (
+        lambda p: ["learn", p.coins("return (1 / (coin - 1),)"), "--trust", "--no-cache"],
+        "stream `sample-side` failed on (c1): ZeroDivisionError", "__init__.py:23"),
+    "sampler of wrong arity": (
+        lambda p: ["learn", p.coins("return (1, 2)"), "--trust", "--no-cache"], "sample-side", "c0"),
+    "sampler that returns no tuple": (
+        lambda p: ["learn", p.coins("return 7"), "--trust", "--no-cache"], "sample-side", "c0"),
     # --- bundles and plans
     "bundle with a cut fact": (
         lambda p: [p.edit("runs/unstack/policy.lp", "action(a1).", "action(a1"), "validate", "runs/unstack"][1:],

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
 
 from gentamp_lp.errors import NoAnswer
 from gentamp_lp.geometry.collision import Swept, collide
@@ -27,6 +27,7 @@ from gentamp_lp.geometry.transforms import Array, pose
 from . import rooms
 
 Span = tuple[float, float]
+Length = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # in metres, or a range of it
 Count = int | str
 Trait = Literal["Block", "Tray", "Mug", "Table", "Region", "Red", "Green", "Blue"]  # what `is` may say
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
@@ -76,8 +77,8 @@ class Support(_Section):
 class ShapeOption(_Section):
     """One kind of shape; a pair of numbers is a range to draw from."""
 
-    box: tuple[float | Span, float | Span, float | Span] | None = None
-    cylinder: tuple[float | Span, float | Span] | None = None
+    box: tuple[Length, Length, Length] | None = None
+    cylinder: tuple[Length, Length] | None = None
     tray: TrayShape | None = None
 
     @model_validator(mode="after")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 import time
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from typing import Any
 
-from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.errors import Diagnostic, GentampError, InputError
 from gentamp_lp.streams.formula import Atom
 from gentamp_lp.streams.language import Generator, WildOutput
 from gentamp_lp.streams.naming import Names
@@ -109,6 +110,15 @@ class _Test:
         domain = tuple((atom.predicate, taken(atom.args)) for atom in stream.domain)
         certified = tuple((atom.predicate, taken(atom.args)) for atom in stream.certified)
         return cls(stream.name, pattern, plain, taken(stream.inputs), domain, certified)
+
+
+def _failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
+    """What to raise when the Python code behind a stream raises: where it did, and on which inputs."""
+    if isinstance(error, GentampError):
+        return error
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    message = f"stream `{stream}` failed on ({', '.join(inputs)}): {type(error).__name__}: {error}"
+    return InputError(Diagnostic(message, where.filename, where.lineno, hint="this is Python code of the domain"))
 
 
 @dataclass
@@ -224,7 +234,10 @@ class FactBase:
             return None
         statistics = self.statistics[function]
         start = time.perf_counter()
-        value = self.generators[function](*(self.values[name] for name in args))
+        try:
+            value = self.generators[function](*(self.values[name] for name in args))
+        except Exception as error:
+            raise _failed(function, args, error) from error
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
@@ -239,7 +252,10 @@ class FactBase:
     def _run_test(self, test: _Test, args: Args) -> bool:
         statistics = self.statistics[test.stream]
         start = time.perf_counter()
-        row = next(iter(self.generators[test.stream](*map(self.values.__getitem__, test.inputs(args)))), None)
+        try:
+            row = next(iter(self.generators[test.stream](*map(self.values.__getitem__, test.inputs(args)))), None)
+        except Exception as error:
+            raise _failed(test.stream, test.inputs(args), error) from error
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if row is None:
@@ -309,12 +325,14 @@ class FactBase:
             binding = dict(zip(stream.inputs, inputs, strict=True))
             if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
                 return None
-            values = (self.values[name] for name in inputs)
-            self._sources[key] = _Source(iter(self.generators[stream.name](*values)))
+            self._sources[key] = self._source(stream, inputs)
         source = self._sources[key]
         if source.exhausted:
             return None
-        outputs = next(source.rows, None)
+        try:
+            outputs = next(source.rows, None)
+        except Exception as error:
+            raise _failed(stream.name, inputs, error) from error
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         source.drawn += 1
@@ -329,6 +347,12 @@ class FactBase:
         statistics.successes += 1
         source.outputs.append(self.certify(stream, inputs, outputs, source.drawn))
         return source.outputs[-1]
+
+    def _source(self, stream: Stream, inputs: Args) -> _Source:
+        try:
+            return _Source(iter(self.generators[stream.name](*(self.values[name] for name in inputs))))
+        except Exception as error:
+            raise _failed(stream.name, inputs, error) from error
 
     def _decide(self, stream: Stream, inputs: Args) -> Args | None:
         """Apply a rule, or run a test whose facts do not name all its inputs."""
@@ -365,7 +389,10 @@ class FactBase:
         statistics = self.statistics[stream.name]
         start = time.perf_counter()
         values = (self.values[name] for name in inputs)
-        outputs = next(iter(self.generators[stream.name](*values, fluents=told)), None)
+        try:
+            outputs = next(iter(self.generators[stream.name](*values, fluents=told)), None)
+        except Exception as error:
+            raise _failed(stream.name, inputs, error) from error
         statistics.seconds += time.perf_counter() - start
         statistics.calls += 1
         if not outputs:
@@ -408,7 +435,8 @@ class FactBase:
         if not isinstance(outputs, tuple | list) or len(outputs) != len(stream.outputs):
             raise InputError(
                 Diagnostic(
-                    f"stream `{stream.name}` gave {outputs!r}, not a tuple of {len(stream.outputs)} output(s)",
+                    f"stream `{stream.name}` gave {outputs!r} for ({', '.join(inputs)}), "
+                    f"not a tuple of {len(stream.outputs)} output(s)",
                     line=stream.line,
                 )
             )
