@@ -230,7 +230,7 @@ CASES = {
         "lacks check_plan", ""),
     "sampler that raises": (
         lambda p: ["learn", p.coins("return (1 / (coin - 1),)"), "--trust", "--no-cache"],
-        "stream `sample-side` failed on (c1): ZeroDivisionError", "__init__.py:23"),
+        "stream `sample-side` failed on (c1): ZeroDivisionError", "__init__.py:22"),
     "sampler of wrong arity": (
         lambda p: ["learn", p.coins("return (1, 2)"), "--trust", "--no-cache"], "sample-side", "c0"),
     "sampler that returns no tuple": (
