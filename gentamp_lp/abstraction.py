@@ -80,6 +80,7 @@ def synthesize_policy(
         [resource("asp", "abstraction.lp")],
         theory_facts(theory) + improvement_facts(theory, improve),
         options=[
+            "--configuration=trendy",  # the one of clasp's that is never slow (Transport: 7-21 s, default 33-100)
             "--opt-strategy=usc,stratify",
             "--opt-mode=optN",
             "--project=project",
