@@ -257,7 +257,8 @@ def test_the_papers_encoding_copies_every_action_for_every_edge(load: Learned) -
         domain = constrained_domain(load.policy, load.task.folder, sorts_of(load.policy), encoding)
         found |= {action.name for action in domain.actions}
     edges = sum(len(rule.outcomes) for rule in load.policy.rules)
-    assert len([name for name in names["order"] if not name.startswith("check")]) == edges * len(load.task.folder.domain.actions)
+    schemas = len(load.task.folder.domain.actions)
+    assert len([name for name in names["order"] if not name.startswith("check")]) == edges * schemas
     assert len([name for name in names["check"] if not name.startswith("check")]) == len(load.policy.actions)
 
 

@@ -80,11 +80,11 @@ def test_everything_starts_on_the_source(size: str) -> None:
 
 
 def test_a_tray_that_holds_more_or_less_than_it_should_is_refused(tmp_path: Path) -> None:
-    slim = edited(tmp_path, ("[[0.057, 0.062], [0.057, 0.062]", "[0.045, 0.045"), ("[0.0285, 0.031]", "0.0225"))
+    slim = edited(tmp_path, ("[[0.060, 0.063], [0.060, 0.063]", "[0.045, 0.045"), ("[0.030, 0.0315]", "0.0225"))
     with pytest.raises(NoAnswer, match="4 things could be put on `tray`, a tray for 3"):
         slim.instance("3-4", 0)
     assert slim.instance("3-3", 0)  # nothing is left that could be too many
-    wide = edited(tmp_path, ("[[0.057, 0.062], [0.057, 0.062]", "[0.071, 0.06"), ("[0.0285, 0.031]", "0.0355"))
+    wide = edited(tmp_path, ("[[0.060, 0.063], [0.060, 0.063]", "[0.071, 0.06"), ("[0.030, 0.0315]", "0.0355"))
     with pytest.raises(NoAnswer, match="wider than the cells"):
         wide.instance("3-1", 0)
 
