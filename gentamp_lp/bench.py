@@ -24,7 +24,13 @@ from gentamp_lp import __version__
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
 
-MODES = ("guided", "unguided", "skeleton")
+MODES = {  # name -> options of `solve`
+    "guided": ("--mode", "guided"),
+    "unguided": ("--mode", "unguided"),
+    "adaptive": ("--mode", "unguided", "--algorithm", "adaptive"),
+    "incremental": ("--mode", "unguided", "--algorithm", "incremental"),
+    "skeleton": ("--mode", "skeleton"),
+}
 MEMORY = 4 * 1024**3  # bytes of address space for a run, as in the paper
 GRACE = 300.0  # seconds for drawing the instance and validating the plan, which the time limit does not cover
 PAPER_LEARNING = {"unstack": 119.7, "sort": 1042.8, "clutter": 211.3, "transport": 69.9}  # seconds, its Table 1
@@ -96,8 +102,7 @@ def run_job(job: Job) -> Row:
     """Make one run in a process of its own, with 4 GB of memory and one thread."""
     command = [
         sys.executable, "-m", "gentamp_lp", "solve", job.task, "--size", job.size, "--seed", str(job.seed),
-        "--mode", job.mode, "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
-        "--algorithm", "incremental",
+        *MODES[job.mode], "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
     ]  # fmt: skip
     command += ["--robot", job.robot] if job.robot else []
     process = subprocess.Popen(

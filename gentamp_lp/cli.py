@@ -327,7 +327,13 @@ def solve(
 @app.command()
 def bench(
     tasks: Annotated[list[str], typer.Argument(metavar="TASK...", help="Tasks, by path or by name.")],
-    modes: Annotated[str, typer.Option(help="Modes to compare, separated by commas.")] = "guided,unguided,skeleton",
+    modes: Annotated[
+        str,
+        typer.Option(
+            help="Modes to compare, separated by commas: guided, unguided (as `solve` does it), adaptive or "
+            "incremental (unguided, by this algorithm), skeleton."
+        ),
+    ] = "guided,unguided,skeleton",
     sizes: Annotated[
         str | None, typer.Option(help="Sizes, separated by commas [the `test` sizes of each task].")
     ] = None,
@@ -365,7 +371,7 @@ def bench(
     loaded = [Task.load(name) for name in tasks]
     folders = {task.name: (policies / task.name).resolve() for task in loaded}
     for task in loaded:
-        if set(chosen) - {"unguided"} and not folders[task.name].is_dir():
+        if set(chosen) & {"guided", "skeleton"} and not folders[task.name].is_dir():
             hint = f"run `gentamp-lp learn {task.reference}` first"
             raise InputError(Diagnostic(f"no policy in `{folders[task.name]}`", hint=hint))
         for size in sizes.split(",") if sizes else map(str, task.file.test):

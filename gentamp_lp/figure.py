@@ -9,7 +9,13 @@ from gentamp_lp.bench import Cell, size_key
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import replacing
 
-_COLOURS = {"guided": "tab:blue", "unguided": "tab:orange", "skeleton": "tab:green"}
+_COLOURS = {
+    "guided": "tab:blue",
+    "unguided": "tab:orange",
+    "adaptive": "tab:orange",
+    "incremental": "tab:red",
+    "skeleton": "tab:green",
+}
 
 
 def require_matplotlib() -> None:
