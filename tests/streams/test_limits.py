@@ -61,7 +61,7 @@ tempfile.tempdir = sys.argv[2]
 from test_limits import hopeless
 from gentamp_lp.streams import solve
 print("ready", flush=True)
-solve(hopeless(0.0), sys.argv[3])
+solve(hopeless(0.0), sys.argv[3], max_time=60)
 """
 
 
