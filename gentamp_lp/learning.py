@@ -165,7 +165,7 @@ def learn(
 ) -> Learned:
     """Learn a policy for a task (paper, Algorithm 1, with the changes of docs/method.md).
 
-    `seed` determines the training problems, and the clingo's search unless there is a `solver_seed`. A policy must also
+    `seed` determines the training problems, and clingo's search unless there is a `solver_seed`. A policy must also
     solve the problems of `failures`; where `start` fails on them, its failing states are learned from at once.
     `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an explanation
     when no policy exists over the pool, LimitReached when the limit ends without one.
@@ -193,8 +193,10 @@ def learn(
     progress(f"{len(data.states)} states, {len(data.transitions)} transitions of {len(data.problems)} problem(s)")
     highest = max_complexity or task.file.max_complexity
     training = [(size, seed * 1000 + index, robot) for index, size in enumerate(task.file.train)]
-    beyond = [(size, seed * 1000 + VALIDATION_SEEDS + i, robot) for i, size in enumerate(task.validation_sizes)]
-    beyond += [(failure.size, failure.seed, failure.robot) for failure in failures]
+    beyond: list[Rollout] = [
+        (size, seed * 1000 + VALIDATION_SEEDS + i, robot) for i, size in enumerate(task.validation_sizes)
+    ]
+    asked: list[Rollout] = [(failure.size, failure.seed, failure.robot) for failure in failures]
     notes: list[str] = []
 
     def fails(policy: Policy, *stages: Sequence[Rollout]) -> list[str]:
@@ -204,7 +206,7 @@ def learn(
             return next(filter(None, every), [])
 
     if start is not None:
-        notes += fails(start, beyond[-len(failures) :])
+        notes += fails(start, asked)
     for rounds in count():
         found: list[str] = []
         for learned in _policies(
@@ -213,7 +215,7 @@ def learn(
             if learned.interrupted:
                 notes.append("interrupted: the policy is the best found so far and was not rolled out")
                 break
-            found = fails(learned.policy, training, beyond)
+            found = fails(learned.policy, training, beyond + asked)
             if found:
                 break
         notes += found

@@ -35,6 +35,7 @@ from gentamp_lp.streams.formula import (
     atoms,
     conjuncts,
     normalize,
+    rebuilt,
     substitute,
     to_pddl,
 )
@@ -336,21 +337,8 @@ def _complement(formula: Formula, base: FactBase, exact: bool = False) -> Formul
             refuted = Atom(f"no-{predicate}", args)
             if not exact:
                 return refuted
-            stream = base.tests[predicate]
-            head = next(a.args for a in stream.certified if a.predicate == predicate)
-            binding = dict(zip(head, args, strict=True))
-            conditions = (substitute(atom, binding) for atom in stream.domain)
-            return Or((refuted, *(_complement(Not(c), base, exact) for c in conditions)))
-        case Not(body):
-            return Not(_complement(body, base, exact))
-        case And(parts):
-            return And(tuple(_complement(p, base, exact) for p in parts))
-        case Or(parts):
-            return Or(tuple(_complement(p, base, exact) for p in parts))
-        case Exists(variables, body):
-            return Exists(variables, _complement(body, base, exact))
-        case _:
-            return formula
+            return Or((refuted, *(_complement(Not(c), base, exact) for c in base.test_conditions(predicate, args))))
+    return rebuilt(formula, lambda part: _complement(part, base, exact))
 
 
 def _text(formula: Formula, base: FactBase, exact: bool) -> str:

@@ -12,7 +12,7 @@ from operator import itemgetter
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, GentampError, InputError
-from gentamp_lp.streams.formula import Atom
+from gentamp_lp.streams.formula import Atom, Formula, substitute
 from gentamp_lp.streams.language import Generator, WildOutput
 from gentamp_lp.streams.naming import Names
 from gentamp_lp.streams.pddl import Domain, Stream
@@ -206,6 +206,13 @@ class FactBase:
                     return False  # not remembered: another stream may certify the conditions later
             known = self._truth[fact] = self._run_test(test, args)
         return known
+
+    def test_conditions(self, predicate: str, args: Args) -> list[Formula]:
+        """What must hold of the arguments before the test behind a predicate is run."""
+        stream = self.tests[predicate]
+        head = next(atom.args for atom in stream.certified if atom.predicate == predicate)
+        binding = dict(zip(head, args, strict=True))
+        return [substitute(atom, binding) for atom in stream.domain]
 
     def refuted(self, predicate: str) -> Iterator[Args]:
         """Arguments on which a test predicate was tried and found false."""

@@ -98,21 +98,30 @@ def free_variables(formula: Formula) -> frozenset[str]:
             return free_variables(body) - set(variables)
 
 
+def rebuilt(formula: Formula, change: Callable[[Formula], Formula]) -> Formula:
+    """The formula with `change` applied to its direct parts; an atom as it is."""
+    match formula:
+        case Not(body):
+            return Not(change(body))
+        case And(parts):
+            return And(tuple(change(part) for part in parts))
+        case Or(parts):
+            return Or(tuple(change(part) for part in parts))
+        case Exists(variables, body):
+            return Exists(variables, change(body))
+        case Forall(variables, body):
+            return Forall(variables, change(body))
+    return formula
+
+
 def substitute(formula: Formula, binding: Mapping[str, str]) -> Formula:
     """Replace free variables; quantified variables shadow the binding."""
     match formula:
         case Atom(predicate, args):
             return Atom(predicate, tuple(binding.get(a, a) for a in args))
-        case Not(body):
-            return Not(substitute(body, binding))
-        case And(parts):
-            return And(tuple(substitute(part, binding) for part in parts))
-        case Or(parts):
-            return Or(tuple(substitute(part, binding) for part in parts))
-        case Exists(variables, body):
-            return Exists(variables, substitute(body, _without(binding, variables)))
-        case Forall(variables, body):
-            return Forall(variables, substitute(body, _without(binding, variables)))
+        case Exists(variables) | Forall(variables):
+            binding = _without(binding, variables)
+    return rebuilt(formula, lambda part: substitute(part, binding))
 
 
 def _without(binding: Mapping[str, str], variables: tuple[str, ...]) -> dict[str, str]:

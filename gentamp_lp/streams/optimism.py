@@ -18,6 +18,7 @@ from gentamp_lp.streams.formula import (
     And,
     Atom,
     Exists,
+    Forall,
     Formula,
     Not,
     Or,
@@ -25,7 +26,7 @@ from gentamp_lp.streams.formula import (
     conjuncts,
     free_variables,
     normalize,
-    substitute,
+    rebuilt,
 )
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Stream
 from gentamp_lp.streams.semantics import Program
@@ -353,20 +354,13 @@ class _Splitter:
                 refuted = Atom(f"no-{predicate}" if hopeful else f"no-{predicate}-low", args)
                 if not self.exact:
                     return refuted
-                stream = self.base.tests[predicate]
-                head = next(a.args for a in stream.certified if a.predicate == predicate)
-                binding = dict(zip(head, args, strict=True))
-                conditions = (Not(substitute(atom, binding)) for atom in stream.domain)
-                return Or((refuted, *(self.read(c, hopeful) for c in conditions)))
+                conditions = self.base.test_conditions(predicate, args)
+                return Or((refuted, *(self.read(Not(c), hopeful) for c in conditions)))
             case Not(body):
                 return Not(self.read(body, not hopeful))
-            case And(parts):
-                return And(tuple(self.read(part, hopeful) for part in parts))
-            case Or(parts):
-                return Or(tuple(self.read(part, hopeful) for part in parts))
-            case Exists(variables, body):
-                return Exists(variables, self.read(body, hopeful))
-        raise AssertionError(f"not normalized: {formula}")
+            case Forall():
+                raise AssertionError(f"not normalized: {formula}")
+        return rebuilt(formula, lambda part: self.read(part, hopeful))
 
 
 def hopeful_problem(split: Split, world: World) -> tuple[Program, FactBase]:

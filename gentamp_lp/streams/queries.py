@@ -13,7 +13,20 @@ from itertools import count
 from operator import itemgetter
 
 from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables, normalize
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Forall,
+    Formula,
+    Not,
+    Or,
+    atoms,
+    conjuncts,
+    free_variables,
+    normalize,
+    rebuilt,
+)
 from gentamp_lp.streams.pddl import ActionSchema, Stream
 from gentamp_lp.streams.semantics import Program, State, View
 
@@ -37,15 +50,7 @@ def _unfold(formula: Formula, program: Program, fresh: Iterator[int]) -> Formula
                 names = dict(zip(axiom.head.args, args, strict=True))
                 bodies.append(_unfold(_renamed(axiom.body, names, next(fresh)), program, fresh))
             return Or(tuple(bodies)) if len(bodies) > 1 else bodies[0]
-        case Not(body):
-            return Not(_unfold(body, program, fresh))
-        case And(parts):
-            return And(tuple(_unfold(part, program, fresh) for part in parts))
-        case Or(parts):
-            return Or(tuple(_unfold(part, program, fresh) for part in parts))
-        case Exists(variables, body):
-            return Exists(variables, _unfold(body, program, fresh))
-    return formula
+    return rebuilt(formula, lambda part: _unfold(part, program, fresh))
 
 
 def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
@@ -53,16 +58,12 @@ def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
     match formula:
         case Atom():
             return Atom(formula.predicate, bind(formula, names))
-        case Not(body):
-            return Not(_renamed(body, names, number))
-        case And(parts):
-            return And(tuple(_renamed(part, names, number) for part in parts))
-        case Or(parts):
-            return Or(tuple(_renamed(part, names, number) for part in parts))
         case Exists(variables, body):
             own = {v: f"{v}~{number}" for v in variables}
             return Exists(tuple(own.values()), _renamed(body, {**names, **own}, number))
-    raise AssertionError(f"not normalized: {formula}")
+        case Forall():
+            raise AssertionError(f"not normalized: {formula}")
+    return rebuilt(formula, lambda part: _renamed(part, names, number))
 
 
 class Query:
