@@ -106,12 +106,12 @@ def test_ctrl_c_leaves_a_table(policies: Path, tmp_path: Path) -> None:
 
 def test_runs_that_fail_are_rows(policies: Path, tmp_path: Path) -> None:
     jobs = [
-        Job("unstack", "6", 1, "unguided", "gripper", 0.1, ""),
+        Job("unstack", "16", 1, "unguided", "gripper", 0.1, ""),
         Job("unstack", "900", 0, "guided", "panda", 5.0, str(policies / "unstack")),  # no room on the table
     ]
     with ThreadPoolExecutor(2) as executor:
         rows = {row.size: row for row in run(jobs, tmp_path / "results.csv", executor)}
-    assert not rows["6"].solved and "time limit" in rows["6"].reason
+    assert not rows["16"].solved and "time limit" in rows["16"].reason
     assert not rows["900"].solved and "no free reachable place" in rows["900"].reason
     assert GRACE > 0 and rows["900"].seconds == 5.0
 
