@@ -12,7 +12,7 @@ from gentamp_lp.resources import resource
 
 _GOAL_PAIRS = 300  # pairs of goal and other states given from the start
 _KERNELS = 20_000  # kernels listed at most
-_COVERS = 400  # covers given from the start: the shortest, more do not help the bound
+_COVERS = 200  # covers given from the start: the shortest, more do not help the bound
 
 
 class LazyPolicy:
