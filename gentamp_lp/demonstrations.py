@@ -19,9 +19,10 @@ import platformdirs
 
 import gentamp_lp
 from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
-from gentamp_lp.errors import InputError
+from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.files import replacing
 from gentamp_lp.invariants import at_most_one
+from gentamp_lp.streams.downward import SEARCHES, search
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.incremental import simulate, solve_incremental
@@ -38,6 +39,32 @@ from gentamp_lp.streams.semantics import (
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
+_SHORT, _HALF = 0.1, 0.3  # shares of the time for a short plan with all samples, and with half of them
+
+
+def short_plan(task: Task, base: FactBase, state: State, *, time_limit: float, seed: int) -> list[Step]:
+    """Plan a problem as it should be shown: in few steps, in canonical order.
+
+    Only the first of the planner's searches looks for few steps. Where all samples are too many for it, it is tried on
+    half of them; any plan counts only when that fails too. The `seed` hides which of several like things comes first,
+    as that must not be learned from. Raises NoAnswer or LimitReached (`time_limit` in seconds).
+    """
+    program, goal, quota = task.program, task.goal, task.file.samples
+    deadline = time.monotonic() + time_limit
+    plan: list[Step] | None = None
+    with suppress(LimitReached):
+        plan = solve_incremental(
+            program, base, state, goal, quota=quota, time_limit=_SHORT * time_limit, searches=SEARCHES[:1], seed=seed
+        )
+    if plan is None:
+        half = base.trimmed({name: -(-n // 2) for name, n in quota.items()}, {name for f in state for name in f[1:]})
+        with suppress(LimitReached):
+            left = _HALF * (deadline - time.monotonic())
+            plan = search(program, half, state, goal, time_limit=left, searches=SEARCHES[:1], seed=seed)
+    if plan is None:
+        left = deadline - time.monotonic()
+        plan = solve_incremental(program, base, state, goal, quota=quota, time_limit=left, seed=seed)
+    return canonical(program, base, state, goal, plan)
 
 
 def canonical(program: Program, base: FactBase, state: State, goal: Formula, plan: Sequence[Step]) -> list[Step]:
@@ -195,16 +222,7 @@ def demonstrate(
     for index, size in enumerate(sizes):
         instance = task.instance(size, seed * 1000 + index, robot=robot)
         left = deadline - time.monotonic()
-        plan = solve_incremental(
-            task.program,
-            instance.base,
-            instance.state,
-            task.goal,
-            quota=task.file.samples,
-            time_limit=left,
-            seed=instance.seed,  # which of several like things comes first must not be learned from
-        )
-        plan = canonical(task.program, instance.base, instance.state, task.goal, plan)
+        plan = short_plan(task, instance.base, instance.state, time_limit=left, seed=instance.seed)
         progress(f"demonstration {task.name}-{size}: {len(plan)} steps")
         instances.append(instance)
         plans.append(plan)

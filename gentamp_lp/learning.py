@@ -15,7 +15,7 @@ import gentamp_lp
 from gentamp_lp.abstraction import NoPolicy, Solution, synthesize_policy
 from gentamp_lp.compile import constrained_domain, doubtful, to_text
 from gentamp_lp.dataset import Dataset
-from gentamp_lp.demonstrations import Recorder, canonical, demonstrate
+from gentamp_lp.demonstrations import Recorder, demonstrate, short_plan
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.evidence import parse_evidence
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
@@ -24,7 +24,6 @@ from gentamp_lp.policy import Policy
 from gentamp_lp.pool import Pool, check_grammars, deepen, describe, split_formula
 from gentamp_lp.reasons import reasons
 from gentamp_lp.refinement import Failure
-from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
@@ -375,8 +374,5 @@ def _learn_from(end: DeadEnd, instance: Instance, data: Dataset, deadline: float
     task, state = instance.task, end.state
     base = instance.base.trimmed(task.file.samples, {name for fact in state for name in fact[1:]})
     left = max(1.0, deadline - time.monotonic())
-    plan = solve_incremental(
-        task.program, base, state, task.goal, quota=task.file.samples, time_limit=left, seed=instance.seed
-    )
-    plan = canonical(task.program, base, state, task.goal, plan)
+    plan = short_plan(task, base, state, time_limit=left, seed=instance.seed)
     Recorder(task, data, around=around).record(replace(instance, base=base), plan, state)

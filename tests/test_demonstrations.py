@@ -10,7 +10,7 @@ import pytest
 from gentamp_lp import demonstrations
 from gentamp_lp.asp import Program as AspProgram
 from gentamp_lp.dataset import Dataset, Problem, SeenState, Transition
-from gentamp_lp.demonstrations import Recorder, cache_path, canonical, demonstrate
+from gentamp_lp.demonstrations import Recorder, cache_path, canonical, demonstrate, short_plan
 from gentamp_lp.evidence import parse_evidence
 from gentamp_lp.features import to_formula
 from gentamp_lp.invariants import at_most_one
@@ -256,3 +256,18 @@ def test_a_recorder_may_start_in_the_middle(unstack: Learned) -> None:
     recorder.record(instance, [], state)
     assert [s.initial for s in recorder.data.states] == [True]
     assert set(recorder.data.states[0].facts) >= state
+
+
+@pytest.mark.parametrize("shares", [{}, {"_SHORT": 0.0}, {"_SHORT": 0.0, "_HALF": 0.0}])
+def test_hard_problems_are_planned_with_fewer_samples_or_another_search(
+    unstack: Learned, shares: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is left to do by lack of time, the plan holds for all samples."""
+    for name, share in shares.items():
+        monkeypatch.setattr(f"gentamp_lp.demonstrations.{name}", share)
+    task = unstack.task
+    instance = task.instance(3, 2, robot="gripper")
+    plan = short_plan(task, instance.base, instance.state, time_limit=60, seed=2)
+    states = simulate(task.program, instance.base, instance.state, plan)
+    assert states is not None and View(task.program, instance.base, states[-1]).holds(task.goal)
+    assert len(plan) <= 5  # the two other blocks are moved, at most, then the goal's block is held

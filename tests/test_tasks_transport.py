@@ -266,6 +266,16 @@ def test_the_policy_is_learned(seed: int) -> None:
 
 
 @pytest.mark.slow
+def test_the_papers_problems_teach_the_same() -> None:
+    """3-6 is planned with half of the samples, and validation on 4-6 and 3-7 adds part-full trays."""
+    learned = learn(Task.load("transport-paper"), cache=False)
+    assert learned.solution.optimal and learned.solution.cost == 13
+    assert not any("still fails" in note for note in learned.notes)
+    for size in ("2-16", "3-8", "4-10"):
+        assert solve(learned.task, size, 1, policy=learned.policy).valid
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("size", Task.load("transport").file.test)
 def test_all_test_sizes(policy: Policy, size: str) -> None:
     for seed in (1, 2, 3):

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 
 from gentamp_lp.errors import LimitReached, NoAnswer, SolverError
-from gentamp_lp.streams.downward import search
+from gentamp_lp.streams.downward import SEARCHES, search
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.semantics import Program, State, Step, View, apply, precondition_holds
@@ -82,10 +82,11 @@ def solve_incremental(
     quota: Mapping[str, int],
     time_limit: float,
     max_levels: int = 10,
+    searches: tuple[str, ...] = SEARCHES,
     seed: int | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Step]:
-    """Find a plan, sampling more at every level; see `search` for the `seed`.
+    """Find a plan, sampling more at every level; see `search` for `searches` and the `seed`.
 
     Raises NoAnswer when the streams are exhausted or `max_levels` is passed without a plan, LimitReached at the
     time limit, SolverError when Fast Downward fails. The plan is simulated before it is returned.
@@ -97,7 +98,8 @@ def solve_incremental(
             raise NoAnswer(f"no plan: all streams are exhausted after {level - 1} level(s)")
         run_tests(base, deadline)
         progress(f"level {level}: {len(base.values)} entities")
-        plan = search(program, base, state, goal, time_limit=deadline - time.monotonic(), seed=seed)
+        left = deadline - time.monotonic()
+        plan = search(program, base, state, goal, time_limit=left, searches=searches, seed=seed)
         if plan is None:
             continue
         states = simulate(program, base, state, plan)
