@@ -21,6 +21,7 @@ from statistics import mean, median, stdev
 from scipy.stats import t as student
 
 from gentamp_lp import __version__
+from gentamp_lp.children import die_with_parent
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
 
@@ -111,6 +112,7 @@ def run_job(job: Job) -> Row:
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, **dict.fromkeys(_THREADS, "1"), "NO_COLOR": "1"},
+        preexec_fn=die_with_parent,
     )
     resource.prlimit(process.pid, resource.RLIMIT_AS, (MEMORY, MEMORY))
     _running.add(process)

@@ -17,6 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
+from gentamp_lp.children import die_with_parent
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
 from gentamp_lp.resources import resource
 
@@ -212,12 +213,10 @@ def _lines(diagnostics: Iterable[Diagnostic]) -> Iterable[str]:
 
 def _restrict(memory_mb: int) -> None:
     if sys.platform == "linux":
-        import ctypes
         import resource as limits
 
         limits.setrlimit(limits.RLIMIT_AS, (memory_mb << 20, memory_mb << 20))
-        die_with_parent = 1  # PR_SET_PDEATHSIG
-        ctypes.CDLL(None).prctl(die_with_parent, signal.SIGKILL)
+        die_with_parent()
 
 
 if __name__ == "__main__":

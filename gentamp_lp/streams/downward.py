@@ -7,7 +7,6 @@ A test predicate used under negation is sent as its complement (`no-cfree` facts
 
 from __future__ import annotations
 
-import ctypes
 import math
 import os
 import random
@@ -23,6 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
+from gentamp_lp.children import die_with_parent
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import (
@@ -176,10 +176,8 @@ def _read_plan(text: str, program: Program) -> list[Step]:
 
 
 def _limits(seconds: float, memory: int) -> Callable[[], None]:
-    libc = ctypes.CDLL(None)
-
     def prepare() -> None:
-        libc.prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: die with the parent
+        die_with_parent()
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         whole = max(1, int(seconds) + 1)
         resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
