@@ -194,7 +194,7 @@ def _read_yaml(path: Path) -> Any:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
         raise InputError(Diagnostic(f"not valid YAML: {error.problem}", path, line, column)) from None
-    except (YAMLError, OSError, UnicodeDecodeError) as error:
+    except (YAMLError, OSError, UnicodeDecodeError, TypeError) as error:  # TypeError: a list as a key
         raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
 
 

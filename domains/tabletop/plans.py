@@ -26,6 +26,7 @@ from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
 _FINE, _TURN, _MOST = 0.01, 0.1, 100  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
+_LARGEST = 1000.0  # metres or radians in a plan; beyond, the collision checkers' arithmetic breaks down
 _MARGIN = 0.03  # a region is drawn so much wider than the area for the centres of things
 
 
@@ -88,10 +89,14 @@ def decode(data: Mapping[str, Any], world: World, values: Mapping[str, Any]) -> 
     raise ValueError(f"unknown sort `{data['sort']}`")
 
 
+def _small(numbers: Array) -> bool:
+    return bool((np.abs(numbers) < _LARGEST).all())
+
+
 def _matrix(rows: Any) -> Array:
     matrix = np.array(rows, dtype=np.float64)
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise ValueError("a pose is a 4x4 matrix of finite numbers")
+    if matrix.shape != (4, 4) or not _small(matrix):
+        raise ValueError(f"a pose is a 4x4 matrix of numbers below {_LARGEST:.0f}")
     turn = matrix[:3, :3]
     rigid = np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
     if not rigid or not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
@@ -101,13 +106,13 @@ def _matrix(rows: Any) -> Array:
 
 def _path(rows: Any, columns: int) -> Array:
     path = np.array(rows, dtype=np.float64)
-    if path.ndim != 2 or len(path) < 2 or path.shape[1:] != (columns,) or not np.isfinite(path).all():
-        raise ValueError(f"a path is rows of {columns} finite numbers, two or more")
+    if path.ndim != 2 or len(path) < 2 or path.shape[1:] != (columns,) or not _small(path):
+        raise ValueError(f"a path is rows of {columns} numbers below {_LARGEST:.0f}, two or more")
     return path
 
 
 def _opening(value: Any) -> float:
-    if not 0.0 <= float(value) < np.inf:
+    if not 0.0 <= float(value) < _LARGEST:
         raise ValueError("an opening is a distance in metres")
     return float(value)
 
