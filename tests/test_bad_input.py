@@ -166,6 +166,8 @@ CASES = {
     "broken YAML": (lambda p: ["learn", p.write(YAML, "name: [1\ngoal: x")], "task.yaml:2", "not valid YAML"),
     "hostile YAML": (
         lambda p: ["learn", p.task("name: unstack", "name: !!python/object/apply:os.system [id]")], "task.yaml", ""),
+    "a list as a key": (
+        lambda p: ["learn", p.task("name: unstack", "name: unstack\n[a, b]: x")], "task.yaml", ""),
     "a billion laughs": (
         lambda p: ["learn", p.write(YAML, "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
             f"{n}: &{n} [{', '.join(['*' + m] * 9)}]\n" for m, n in zip("abcdefgh", "bcdefghi", strict=True)))],

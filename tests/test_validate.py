@@ -385,6 +385,12 @@ def nan_joint(data: Data) -> None:
     entity(data, "reach")["configurations"][1][0] = float("nan")
 
 
+def huge_joint(data: Data) -> None:
+    """Not too much for a float, but for the arithmetic of collision checkers (FCL crashed on it)."""
+    for row in entity(data, "reach")["configurations"]:
+        row[0] = 1e308
+
+
 def missing_joint(data: Data) -> None:
     for row in entity(data, "reach")["configurations"]:
         row.pop()
@@ -441,8 +447,8 @@ def variable_as_name(data: Data) -> None:
 @pytest.mark.parametrize(
     "mutate",
     [
-        nan_pose, scaled_pose, mirrored_pose, huge_pose, nan_joint, missing_joint, ragged, no_configurations,
-        negative_opening, nan_opening, frame_that_is_no_tray, unknown_sort, no_record, later_reference,
+        nan_pose, scaled_pose, mirrored_pose, huge_pose, nan_joint, huge_joint, missing_joint, ragged,
+        no_configurations, negative_opening, nan_opening, frame_that_is_no_tray, unknown_sort, no_record, later_reference,
         reach_of_things_that_are_none, reach_of_unknown_object, existing_name, variable_as_name,
     ],
     ids=lambda value: value.__name__,
