@@ -13,9 +13,9 @@ from gentamp_lp.streams.engine import Engine, Options
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.pddl import Stream
 from gentamp_lp.streams.problem import Problem
 from gentamp_lp.streams.semantics import Step, polarities
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
 
 

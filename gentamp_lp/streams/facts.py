@@ -15,7 +15,8 @@ from gentamp_lp.errors import Diagnostic, GentampError, InputError
 from gentamp_lp.streams.formula import Atom, Formula, substitute
 from gentamp_lp.streams.language import Generator, WildOutput
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.pddl import Domain, Stream
+from gentamp_lp.streams.pddl import Domain
+from gentamp_lp.streams.stream_file import Stream
 
 Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
 Args = tuple[str, ...]

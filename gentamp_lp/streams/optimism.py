@@ -28,8 +28,9 @@ from gentamp_lp.streams.formula import (
     normalize,
     rebuilt,
 )
-from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Stream
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
 from gentamp_lp.streams.semantics import Program
+from gentamp_lp.streams.stream_file import Stream
 
 Literal = tuple[Fact, bool]
 MAX_CALLS = 100_000
