@@ -16,6 +16,7 @@ from gentamp_lp.policy import Policy
 from gentamp_lp.skeleton import skeleton_domain
 from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.task import Instance, Task
 from gentamp_lp.unguided import choose, plan_unguided
@@ -103,17 +104,18 @@ def solve(
     steps, reason, limited, stuck = None, None, False, None
     planner = mode if policy or skeleton is not None else algorithm or choose(instance)
     try:
-        if skeleton is not None:
-            steps = _along(skeleton, instance, time_limit, progress)
-        elif policy is None:
-            steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
-        else:
-            try:
-                steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
-            except DeadEnd as end:
-                stuck, planner = str(end), "constrained domain"
-                progress(f"following the policy failed ({end}); searching the constrained domain")
-                steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
+        with interrupting(instance.base, time_limit):
+            if skeleton is not None:
+                steps = _along(skeleton, instance, time_limit, progress)
+            elif policy is None:
+                steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
+            else:
+                try:
+                    steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
+                except DeadEnd as end:
+                    stuck, planner = str(end), "constrained domain"
+                    progress(f"following the policy failed ({end}); searching the constrained domain")
+                    steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
     except LimitReached as error:
         reason, limited = str(error), True
     except NoAnswer as error:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,22 @@ def test_the_adaptive_algorithm_asks_less_of_the_streams() -> None:
         assert result.valid
         calls[algorithm] = sum(s["calls"] for s in result.report()["streams"].values())
     assert calls["adaptive"] < calls["incremental"] / 10
+
+
+@pytest.mark.parametrize("guided", [True, False])
+def test_a_stream_that_never_returns_is_ended_and_named(monkeypatch, unstack, guided: bool) -> None:
+    draw = Task.instance
+
+    def instance(*args, **options):
+        drawn = draw(*args, **options)
+        drawn.base.generators = {**drawn.base.generators, "sample-grasp": lambda *_: iter(lambda: time.sleep(60), 1)}
+        return drawn
+
+    monkeypatch.setattr(Task, "instance", instance)
+    start = time.monotonic()
+    result = solve(Task.load("unstack"), 4, 0, policy=unstack.policy if guided else None, time_limit=1.0)
+    assert time.monotonic() - start < 1.05 * 1.0 + 1
+    assert result.limited and "stream `sample-grasp` was still running on (" in str(result.reason)
 
 
 def test_the_command_line() -> None:
