@@ -19,7 +19,7 @@ from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.task import Instance, Task
-from gentamp_lp.unguided import choose, plan_unguided
+from gentamp_lp.unguided import choose, plan_unguided, require_pddlstream
 from gentamp_lp.validate import validate
 
 
@@ -98,6 +98,8 @@ def solve(
     """
     if policy is not None and engine != "embedded":
         raise InputError(Diagnostic("only the embedded engine follows policies", hint="add --mode unguided"))
+    if engine == "pddlstream":
+        require_pddlstream()
     instance = task.instance(size, seed, robot=robot)
     mode = "skeleton" if skeleton is not None else "guided" if policy else "unguided"
     start = time.perf_counter()

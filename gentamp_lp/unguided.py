@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ def plan_unguided(
 ) -> list[Step]:
     """A plan for an instance, by an algorithm (see `choose`) of the `embedded` engine or of `pddlstream`.
 
-    Raises NoAnswer, LimitReached, SolverError; InputError when PDDLStream is missing.
+    PDDLStream has to be there (`require_pddlstream`). Raises NoAnswer, LimitReached, SolverError.
     """
     algorithm = algorithm or choose(instance)
     if engine == "pddlstream":
@@ -56,15 +57,21 @@ class Entity:
     name: str
 
 
+def require_pddlstream() -> None:
+    """Raise InputError when the original cannot be imported (it looks for its compiled planner when it is)."""
+    try:
+        import pddlstream.algorithms.meta  # noqa: F401
+    except (ImportError, RuntimeError) as error:
+        hint = "put github.com/caelan/pddlstream on PYTHONPATH and compile its planner, or do without it"
+        raise InputError(Diagnostic(f"PDDLStream cannot be imported: {error}", hint=hint)) from None
+
+
 def _pddlstream(instance: Instance, algorithm: str, time_limit: float) -> list[Step]:
     """Run the same problem on the original; its streams draw from the instance, so that the plan can be validated."""
-    try:
-        from pddlstream.algorithms.meta import solve
-        from pddlstream.language.constants import PDDLProblem
-        from pddlstream.language.generator import from_gen_fn, from_test
-    except ImportError as error:
-        hint = "put github.com/caelan/pddlstream on PYTHONPATH and compile its planner, or use --engine embedded"
-        raise InputError(Diagnostic(f"PDDLStream cannot be imported: {error}", hint=hint)) from None
+    from pddlstream.algorithms.meta import solve
+    from pddlstream.language.constants import PDDLProblem
+    from pddlstream.language.generator import from_gen_fn, from_test
+
     base, folder = instance.base, instance.task.folder
     streams = {s.name: from_test(_test(s, instance)) if s.is_test else from_gen_fn(_generator(s, instance))
                for s in base.streams}  # fmt: skip
@@ -73,7 +80,8 @@ def _pddlstream(instance: Instance, algorithm: str, time_limit: float) -> list[S
     constants = {name: Entity(name) for name in folder.domain.constants}
     text = (folder.path / "stream.pddl").read_text(encoding="utf-8")
     problem = PDDLProblem(folder.domain.text, constants, text, streams, init, _expression(instance.task.goal))
-    with tempfile.TemporaryDirectory(prefix="gentamp-pddlstream-") as here, contextlib.chdir(here):
+    temporary = tempfile.TemporaryDirectory(prefix="gentamp-pddlstream-")  # it writes into the current folder
+    with temporary as here, contextlib.chdir(here), contextlib.redirect_stdout(sys.stderr):
         try:
             plan, _, _ = solve(problem, algorithm=algorithm, max_time=time_limit, verbose=False)
         except SystemExit as error:  # its way to report a mistake in PDDL

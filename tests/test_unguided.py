@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from stand_in import write_stand_in
 from typer.testing import CliRunner
 
 from gentamp_lp.cli import app
@@ -15,31 +16,11 @@ from gentamp_lp.planning import solve
 from gentamp_lp.task import Task
 from gentamp_lp.unguided import choose
 
-#: A package with the names that the adapter uses; what `solve` does is filled in.
-STAND_IN = {
-    "pddlstream/__init__.py": "",
-    "pddlstream/algorithms/__init__.py": "",
-    "pddlstream/language/__init__.py": "",
-    "pddlstream/language/constants.py": "from gentamp_lp.streams import PDDLProblem",
-    "pddlstream/language/generator.py": "from gentamp_lp.streams import from_gen_fn, from_test",
-    "pddlstream/algorithms/meta.py": """
-import pathlib
-from gentamp_lp import streams
-def solve(problem, algorithm, max_time, verbose):
-    pathlib.Path("temp").mkdir()  # as the original does, in the current folder
-    plan, cost, certificate = streams.solve(problem, algorithm, max_time=max_time)
-    return CHANGE
-""",
-}
-
 
 @pytest.fixture
 def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def install(change: str) -> None:
-        for name, text in STAND_IN.items():
-            path = tmp_path / "site" / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text.replace("CHANGE", change))
+        write_stand_in(tmp_path / "site", change)
         monkeypatch.syspath_prepend(str(tmp_path / "site"))
         monkeypatch.chdir(tmp_path)
 
@@ -56,6 +37,20 @@ def test_the_original_gets_the_same_problem(stand_in, tmp_path: Path, algorithm:
     result = solve(Task.load("unstack"), 4, 0, engine="pddlstream", algorithm=algorithm)
     assert result.valid and result.report()["engine"] == "pddlstream"
     assert not (tmp_path / "temp").exists()
+
+
+def test_what_it_prints_is_no_part_of_the_document(stand_in, tmp_path: Path) -> None:
+    stand_in("(plan, cost, certificate)")
+    run = ["solve", "unstack", "--size", "2", "--mode", "unguided", "--engine", "pddlstream", "--json"]
+    result = CliRunner().invoke(app, run)
+    assert json.loads(result.stdout)["valid"] and "Summary" in result.stderr
+
+
+def test_a_planner_that_is_not_compiled_is_told(stand_in, tmp_path: Path) -> None:
+    stand_in("(plan, cost, certificate)")
+    (tmp_path / "site/pddlstream/algorithms/meta.py").write_text('raise RuntimeError("Please compile FastDownward")')
+    with pytest.raises(InputError, match=r"Please compile.*\n.*PYTHONPATH"):
+        solve(Task.load("unstack"), 2, 0, engine="pddlstream")
 
 
 def test_its_plans_are_not_believed(stand_in) -> None:
