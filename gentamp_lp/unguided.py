@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,10 +13,10 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError, NoAnswer, SolverError
 from gentamp_lp.streams.engine import Engine, Options
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or
-from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.incremental import quota_for, sample, solve_incremental
 from gentamp_lp.streams.naming import Names
 from gentamp_lp.streams.problem import Problem
-from gentamp_lp.streams.semantics import Step, polarities
+from gentamp_lp.streams.semantics import Step, polarities, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
 
@@ -36,8 +37,12 @@ def plan_unguided(
             task.program, instance.base, instance.state, task.goal,
             quota=task.file.samples, time_limit=time_limit, progress=progress,
         )  # fmt: skip
-    problem = Problem(task.program, instance.base, instance.state, task.goal, Names())
-    return Engine(problem, Options(time_limit=time_limit, seed=instance.seed, progress=progress)).solve().steps
+    base, deadline = instance.base, time.monotonic() + time_limit
+    if speaks_of_samples(instance):  # as many have to be there as the validator will draw
+        sample(base, quota_for(base, reads(task.goal, task.program), task.file.samples), deadline)
+    problem = Problem(task.program, base, instance.state, task.goal, Names())
+    options = Options(time_limit=deadline - time.monotonic(), seed=instance.seed, progress=progress)
+    return Engine(problem, options).solve().steps
 
 
 def choose(instance: Instance) -> str:
@@ -45,9 +50,13 @@ def choose(instance: Instance) -> str:
 
     Such a goal (nothing fits any more, say) means the more the more samples there are, so everything is sampled.
     """
-    task = instance.task
-    read = set(polarities(task.program, task.goal))
-    return "incremental" if any((p, True) in read for p in instance.base.makers) else "adaptive"
+    return "incremental" if speaks_of_samples(instance) else "adaptive"
+
+
+def speaks_of_samples(instance: Instance) -> bool:
+    """Whether the goal says something about all that streams give."""
+    read = set(polarities(instance.task.program, instance.task.goal))
+    return any((predicate, True) in read for predicate in instance.base.makers)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,13 @@ from typer.testing import CliRunner
 
 from gentamp_lp.cli import app
 from gentamp_lp.errors import InputError, NoAnswer, SolverError
+from gentamp_lp.plan import Plan
 from gentamp_lp.planning import solve
+from gentamp_lp.streams.incremental import quota_for, sample
+from gentamp_lp.streams.semantics import reads
 from gentamp_lp.task import Task
-from gentamp_lp.unguided import choose
+from gentamp_lp.unguided import choose, plan_unguided
+from gentamp_lp.validate import validate
 
 
 @pytest.fixture
@@ -84,6 +88,16 @@ def test_goals_about_all_samples_are_planned_over_all_samples() -> None:
     sizes = {"load": "2-3", "sort": "2-2", "unstack": 4, "clutter": 3}
     chosen = {name: choose(Task.load(name).instance(size, 0)) for name, size in sizes.items()}
     assert chosen == {"load": "incremental", "sort": "adaptive", "unstack": "adaptive", "clutter": "adaptive"}
+
+
+@pytest.mark.parametrize(("size", "seed"), [("1-2", 0), ("2-4", 0)])
+def test_adaptive_plans_for_goals_about_all_samples_see_those_of_the_validator(size: str, seed: int) -> None:
+    task = Task.load("load")
+    instance = task.instance(size, seed)
+    steps = plan_unguided(instance, "adaptive", "embedded", 60, lambda _: None)
+    quota = quota_for(instance.base, reads(task.goal, task.program), task.file.samples)
+    assert not sample(instance.base, quota, float("inf")), "there were samples left to draw"
+    assert validate(Plan.of(instance, steps), task) == []
 
 
 def test_the_adaptive_algorithm_asks_less_of_the_streams() -> None:

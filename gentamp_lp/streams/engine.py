@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
-from gentamp_lp.streams.binding import Assignment, Binder, Refuted
+from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
 from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
 from gentamp_lp.streams.facts import Args, Fact
 from gentamp_lp.streams.formula import Atom
@@ -271,11 +271,11 @@ class Engine:
             self.few_tests *= 4
             self._run_tests()
             return None
-        before, calls = set(base.values), self._calls()
+        before = set(base.values)
         result = self._bind(world, steps, needs)
         if isinstance(result, _Stuck):
             self._give_up(world, needs, result)
-            self._refute_more(world, needs, result, 2 * self._calls() - calls)
+            self._refute_more(world, needs, result)
         if self.options.adaptive:
             self.hopes.hidden |= self.base.values.keys() - before
             self._tried |= {
@@ -285,8 +285,9 @@ class Engine:
             }
         return None if isinstance(result, _Stuck) else result
 
-    def _refute_more(self, world: World, needs: Needs, stuck: _Stuck, most: int) -> None:
-        """Find out what else a plan hopes for in vain when a test outcome is left out, until `most` calls are made."""
+    def _refute_more(self, world: World, needs: Needs, stuck: _Stuck) -> None:
+        """Find out what else a plan hopes for in vain when a test outcome is left out, with a limited effort."""
+        most = self._calls() + SAMPLES * len(needs.calls)
         while self.effort == 1 and stuck.refuted and stuck.refuted.literal and self._calls() < most:
             needs.literals.discard(stuck.refuted.literal)
             bound = self._binder(needs, Counter()).solve()

@@ -70,6 +70,11 @@ class Result(Solution):
         """`solved`, `no plan`, `time limit` or `memory limit`."""
         return self.report.status
 
+    @property
+    def reason(self) -> str:
+        """Why there is no plan and what to try; empty when there is one."""
+        return "" if self.plan is not None else "\n".join((self.report.reason, *self.report.advice))
+
 
 @dataclass
 class _Search:
