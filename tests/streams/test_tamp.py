@@ -61,7 +61,7 @@ def test_several_vain_hopes_are_found_in_one_round() -> None:
     tests = {**problem.stream_map, "t-contain": from_test(lambda b, p, r: inside(p.where, scene.regions[r]))}
     result = solve(problem._replace(stream_pddl=problem.stream_pddl[:-1] + into, stream_map=tests), max_time=60)
     scene.check([(a.name, a.args) for a in result.plan])
-    assert result.report.iterations < 6
+    assert result.report.iterations < 4
 
 
 def inside(place, region) -> bool:
