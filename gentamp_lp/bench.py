@@ -31,6 +31,8 @@ MODES = {  # name -> options of `solve`
     "adaptive": ("--mode", "unguided", "--algorithm", "adaptive"),
     "incremental": ("--mode", "unguided", "--algorithm", "incremental"),
     "skeleton": ("--mode", "skeleton"),
+    "original": ("--mode", "unguided", "--engine", "pddlstream"),
+    "original-incremental": ("--mode", "unguided", "--engine", "pddlstream", "--algorithm", "incremental"),
 }
 MEMORY = 4 * 1024**3  # bytes of address space for a run, as in the paper
 GRACE = 300.0  # seconds for drawing the instance and validating the plan, which the time limit does not cover

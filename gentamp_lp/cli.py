@@ -331,7 +331,7 @@ def bench(
         str,
         typer.Option(
             help="Modes to compare, separated by commas: guided, unguided (as `solve` does it), adaptive or "
-            "incremental (unguided, by this algorithm), skeleton."
+            "incremental (unguided, by this algorithm), skeleton, original or original-incremental (PDDLStream itself)."
         ),
     ] = "guided,unguided,skeleton",
     sizes: Annotated[
@@ -361,12 +361,15 @@ def bench(
     from gentamp_lp import bench as benchmark
     from gentamp_lp.figure import draw, require_matplotlib
     from gentamp_lp.task import Task
+    from gentamp_lp.unguided import require_pddlstream
 
     require_matplotlib()
     chosen = modes.split(",")
     for mode in chosen:
         if mode not in benchmark.MODES:
             raise InputError(Diagnostic(f"unknown mode `{mode}`", hint=f"known: {', '.join(benchmark.MODES)}"))
+    if any(mode.startswith("original") for mode in chosen):
+        require_pddlstream()
     jobs = []
     loaded = [Task.load(name) for name in tasks]
     folders = {task.name: (policies / task.name).resolve() for task in loaded}

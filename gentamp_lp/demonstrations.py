@@ -26,7 +26,6 @@ from gentamp_lp.streams.downward import SEARCHES, search
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.incremental import simulate, solve_incremental
-from gentamp_lp.streams.pddl import Stream, infer_sorts
 from gentamp_lp.streams.semantics import (
     Program,
     State,
@@ -36,6 +35,8 @@ from gentamp_lp.streams.semantics import (
     apply,
     precondition_holds,
 )
+from gentamp_lp.streams.sorts import infer_sorts
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]

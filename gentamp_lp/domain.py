@@ -12,7 +12,8 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.resources import resource
-from gentamp_lp.streams.pddl import Domain, Stream, parse_domain, parse_streams
+from gentamp_lp.streams.pddl import Domain, parse_domain
+from gentamp_lp.streams.stream_file import Stream, parse_streams
 
 #: What the package of a domain must define; `domains/tabletop` is the worked example.
 HOOKS = ("Scene", "make_world", "stream_map", "encode", "decode", "check_plan", "render_plan")

@@ -15,6 +15,8 @@ _COLOURS = {
     "adaptive": "tab:orange",
     "incremental": "tab:red",
     "skeleton": "tab:green",
+    "original": "tab:purple",
+    "original-incremental": "tab:pink",
 }
 
 

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Mapping
 from gentamp_lp.features import to_formula
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, normalize, restricts
-from gentamp_lp.streams.pddl import Axiom, Domain, Stream
+from gentamp_lp.streams.pddl import Axiom, Domain
+from gentamp_lp.streams.stream_file import Stream
 
 
 class Openness:

@@ -16,9 +16,10 @@ from gentamp_lp.policy import Policy
 from gentamp_lp.skeleton import skeleton_domain
 from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.task import Instance, Task
-from gentamp_lp.unguided import choose, plan_unguided
+from gentamp_lp.unguided import choose, plan_unguided, require_pddlstream
 from gentamp_lp.validate import validate
 
 
@@ -97,23 +98,26 @@ def solve(
     """
     if policy is not None and engine != "embedded":
         raise InputError(Diagnostic("only the embedded engine follows policies", hint="add --mode unguided"))
+    if engine == "pddlstream":
+        require_pddlstream()
     instance = task.instance(size, seed, robot=robot)
     mode = "skeleton" if skeleton is not None else "guided" if policy else "unguided"
     start = time.perf_counter()
     steps, reason, limited, stuck = None, None, False, None
     planner = mode if policy or skeleton is not None else algorithm or choose(instance)
     try:
-        if skeleton is not None:
-            steps = _along(skeleton, instance, time_limit, progress)
-        elif policy is None:
-            steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
-        else:
-            try:
-                steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
-            except DeadEnd as end:
-                stuck, planner = str(end), "constrained domain"
-                progress(f"following the policy failed ({end}); searching the constrained domain")
-                steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
+        with interrupting(instance.base, time_limit):
+            if skeleton is not None:
+                steps = _along(skeleton, instance, time_limit, progress)
+            elif policy is None:
+                steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
+            else:
+                try:
+                    steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
+                except DeadEnd as end:
+                    stuck, planner = str(end), "constrained domain"
+                    progress(f"following the policy failed ({end}); searching the constrained domain")
+                    steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
     except LimitReached as error:
         reason, limited = str(error), True
     except NoAnswer as error:

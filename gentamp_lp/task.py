@@ -20,8 +20,9 @@ from gentamp_lp.pool import find_grammar
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
-from gentamp_lp.streams.pddl import infer_sorts, parse_formula
+from gentamp_lp.streams.pddl import parse_formula
 from gentamp_lp.streams.semantics import Program, State
+from gentamp_lp.streams.sorts import infer_sorts
 
 Sizes = tuple[int | str, ...]
 LARGEST = 1000  # value of a size parameter: what is larger is a typing mistake

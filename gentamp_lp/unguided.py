@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,11 +13,11 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError, NoAnswer, SolverError
 from gentamp_lp.streams.engine import Engine, Options
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or
-from gentamp_lp.streams.incremental import solve_incremental
+from gentamp_lp.streams.incremental import quota_for, sample, solve_incremental
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.pddl import Stream
 from gentamp_lp.streams.problem import Problem
-from gentamp_lp.streams.semantics import Step, polarities
+from gentamp_lp.streams.semantics import Step, polarities, reads
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
 
 
@@ -24,7 +26,7 @@ def plan_unguided(
 ) -> list[Step]:
     """A plan for an instance, by an algorithm (see `choose`) of the `embedded` engine or of `pddlstream`.
 
-    Raises NoAnswer, LimitReached, SolverError; InputError when PDDLStream is missing.
+    PDDLStream has to be there (`require_pddlstream`). Raises NoAnswer, LimitReached, SolverError.
     """
     algorithm = algorithm or choose(instance)
     if engine == "pddlstream":
@@ -35,8 +37,12 @@ def plan_unguided(
             task.program, instance.base, instance.state, task.goal,
             quota=task.file.samples, time_limit=time_limit, progress=progress,
         )  # fmt: skip
-    problem = Problem(task.program, instance.base, instance.state, task.goal, Names())
-    return Engine(problem, Options(time_limit=time_limit, seed=instance.seed, progress=progress)).solve().steps
+    base, deadline = instance.base, time.monotonic() + time_limit
+    if speaks_of_samples(instance):  # as many have to be there as the validator will draw
+        sample(base, quota_for(base, reads(task.goal, task.program), task.file.samples), deadline)
+    problem = Problem(task.program, base, instance.state, task.goal, Names())
+    options = Options(time_limit=deadline - time.monotonic(), seed=instance.seed, progress=progress)
+    return Engine(problem, options).solve().steps
 
 
 def choose(instance: Instance) -> str:
@@ -44,9 +50,13 @@ def choose(instance: Instance) -> str:
 
     Such a goal (nothing fits any more, say) means the more the more samples there are, so everything is sampled.
     """
-    task = instance.task
-    read = set(polarities(task.program, task.goal))
-    return "incremental" if any((p, True) in read for p in instance.base.makers) else "adaptive"
+    return "incremental" if speaks_of_samples(instance) else "adaptive"
+
+
+def speaks_of_samples(instance: Instance) -> bool:
+    """Whether the goal says something about all that streams give."""
+    read = set(polarities(instance.task.program, instance.task.goal))
+    return any((predicate, True) in read for predicate in instance.base.makers)
 
 
 @dataclass(frozen=True)
@@ -56,15 +66,21 @@ class Entity:
     name: str
 
 
+def require_pddlstream() -> None:
+    """Raise InputError when the original cannot be imported (it looks for its compiled planner when it is)."""
+    try:
+        import pddlstream.algorithms.meta  # noqa: F401
+    except (ImportError, RuntimeError) as error:
+        hint = "put github.com/caelan/pddlstream on PYTHONPATH and compile its planner, or do without it"
+        raise InputError(Diagnostic(f"PDDLStream cannot be imported: {error}", hint=hint)) from None
+
+
 def _pddlstream(instance: Instance, algorithm: str, time_limit: float) -> list[Step]:
     """Run the same problem on the original; its streams draw from the instance, so that the plan can be validated."""
-    try:
-        from pddlstream.algorithms.meta import solve
-        from pddlstream.language.constants import PDDLProblem
-        from pddlstream.language.generator import from_gen_fn, from_test
-    except ImportError as error:
-        hint = "put github.com/caelan/pddlstream on PYTHONPATH and compile its planner, or use --engine embedded"
-        raise InputError(Diagnostic(f"PDDLStream cannot be imported: {error}", hint=hint)) from None
+    from pddlstream.algorithms.meta import solve
+    from pddlstream.language.constants import PDDLProblem
+    from pddlstream.language.generator import from_gen_fn, from_test
+
     base, folder = instance.base, instance.task.folder
     streams = {s.name: from_test(_test(s, instance)) if s.is_test else from_gen_fn(_generator(s, instance))
                for s in base.streams}  # fmt: skip
@@ -73,7 +89,8 @@ def _pddlstream(instance: Instance, algorithm: str, time_limit: float) -> list[S
     constants = {name: Entity(name) for name in folder.domain.constants}
     text = (folder.path / "stream.pddl").read_text(encoding="utf-8")
     problem = PDDLProblem(folder.domain.text, constants, text, streams, init, _expression(instance.task.goal))
-    with tempfile.TemporaryDirectory(prefix="gentamp-pddlstream-") as here, contextlib.chdir(here):
+    temporary = tempfile.TemporaryDirectory(prefix="gentamp-pddlstream-")  # it writes into the current folder
+    with temporary as here, contextlib.chdir(here), contextlib.redirect_stdout(sys.stderr):
         try:
             plan, _, _ = solve(problem, algorithm=algorithm, max_time=time_limit, verbose=False)
         except SystemExit as error:  # its way to report a mistake in PDDL

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from stand_in import write_stand_in
 
 from gentamp_lp.bench import GRACE, NAMES, Job, Row, append, cluster, learning_times, read_rows, run, summary
 from gentamp_lp.cli import bench as command
@@ -57,6 +58,34 @@ def test_another_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a table of `bench`"):
         read_rows(table)
     assert table.read_text() == "a,b\n1,2\n"
+
+
+def test_the_original_is_asked_for_before_any_run(tmp_path: Path) -> None:
+    result = bench("unstack", "--modes", "original", "--sizes", "2", "--seeds", "1", "--out", "b", cwd=tmp_path)
+    assert result.returncode == 2 and "PDDLStream cannot be imported" in result.stderr
+    assert not (tmp_path / "b").exists()
+
+
+def test_the_original_is_a_baseline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_stand_in(tmp_path / "site")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path / 'site'}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    common = (
+        "unstack",
+        "--modes",
+        "original,original-incremental",
+        "--sizes",
+        "2",
+        "--seeds",
+        "1",
+        "--robot",
+        "gripper",
+    )
+    result = bench(*common, "--out", "b", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    rows = read_rows(tmp_path / "b" / "results.csv")
+    assert [(row.mode, row.planner, row.valid) for row in rows] == [
+        ("original", "adaptive", True), ("original-incremental", "incremental", True),
+    ]  # fmt: skip
 
 
 def test_summary(tmp_path: Path) -> None:

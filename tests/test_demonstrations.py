@@ -19,8 +19,9 @@ from gentamp_lp.pool import generate_pool, split_formula
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import atoms
 from gentamp_lp.streams.incremental import simulate
-from gentamp_lp.streams.pddl import infer_sorts, parse_domain, parse_formula
+from gentamp_lp.streams.pddl import parse_domain, parse_formula
 from gentamp_lp.streams.semantics import Program, State, Step, View, apply
+from gentamp_lp.streams.sorts import infer_sorts
 from gentamp_lp.task import Task
 
 ROOMS = """(define (domain rooms)

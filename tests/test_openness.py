@@ -6,7 +6,8 @@ import pytest
 
 from gentamp_lp.learning import Learned
 from gentamp_lp.openness import Openness
-from gentamp_lp.streams.pddl import parse_domain, parse_streams
+from gentamp_lp.streams.pddl import parse_domain
+from gentamp_lp.streams.stream_file import parse_streams
 
 
 @pytest.fixture(scope="module")

@@ -3,42 +3,28 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+from stand_in import write_stand_in
 from typer.testing import CliRunner
 
 from gentamp_lp.cli import app
 from gentamp_lp.errors import InputError, NoAnswer, SolverError
+from gentamp_lp.plan import Plan
 from gentamp_lp.planning import solve
+from gentamp_lp.streams.incremental import quota_for, sample
+from gentamp_lp.streams.semantics import reads
 from gentamp_lp.task import Task
-from gentamp_lp.unguided import choose
-
-#: A package with the names that the adapter uses; what `solve` does is filled in.
-STAND_IN = {
-    "pddlstream/__init__.py": "",
-    "pddlstream/algorithms/__init__.py": "",
-    "pddlstream/language/__init__.py": "",
-    "pddlstream/language/constants.py": "from gentamp_lp.streams import PDDLProblem",
-    "pddlstream/language/generator.py": "from gentamp_lp.streams import from_gen_fn, from_test",
-    "pddlstream/algorithms/meta.py": """
-import pathlib
-from gentamp_lp import streams
-def solve(problem, algorithm, max_time, verbose):
-    pathlib.Path("temp").mkdir()  # as the original does, in the current folder
-    plan, cost, certificate = streams.solve(problem, algorithm, max_time=max_time)
-    return CHANGE
-""",
-}
+from gentamp_lp.unguided import choose, plan_unguided
+from gentamp_lp.validate import validate
 
 
 @pytest.fixture
 def stand_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def install(change: str) -> None:
-        for name, text in STAND_IN.items():
-            path = tmp_path / "site" / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text.replace("CHANGE", change))
+        write_stand_in(tmp_path / "site", change)
         monkeypatch.syspath_prepend(str(tmp_path / "site"))
         monkeypatch.chdir(tmp_path)
 
@@ -55,6 +41,20 @@ def test_the_original_gets_the_same_problem(stand_in, tmp_path: Path, algorithm:
     result = solve(Task.load("unstack"), 4, 0, engine="pddlstream", algorithm=algorithm)
     assert result.valid and result.report()["engine"] == "pddlstream"
     assert not (tmp_path / "temp").exists()
+
+
+def test_what_it_prints_is_no_part_of_the_document(stand_in, tmp_path: Path) -> None:
+    stand_in("(plan, cost, certificate)")
+    run = ["solve", "unstack", "--size", "2", "--mode", "unguided", "--engine", "pddlstream", "--json"]
+    result = CliRunner().invoke(app, run)
+    assert json.loads(result.stdout)["valid"] and "Summary" in result.stderr
+
+
+def test_a_planner_that_is_not_compiled_is_told(stand_in, tmp_path: Path) -> None:
+    stand_in("(plan, cost, certificate)")
+    (tmp_path / "site/pddlstream/algorithms/meta.py").write_text('raise RuntimeError("Please compile FastDownward")')
+    with pytest.raises(InputError, match=r"Please compile.*\n.*PYTHONPATH"):
+        solve(Task.load("unstack"), 2, 0, engine="pddlstream")
 
 
 def test_its_plans_are_not_believed(stand_in) -> None:
@@ -90,6 +90,16 @@ def test_goals_about_all_samples_are_planned_over_all_samples() -> None:
     assert chosen == {"load": "incremental", "sort": "adaptive", "unstack": "adaptive", "clutter": "adaptive"}
 
 
+@pytest.mark.parametrize(("size", "seed"), [("1-2", 0), ("2-4", 0)])
+def test_adaptive_plans_for_goals_about_all_samples_see_those_of_the_validator(size: str, seed: int) -> None:
+    task = Task.load("load")
+    instance = task.instance(size, seed)
+    steps = plan_unguided(instance, "adaptive", "embedded", 60, lambda _: None)
+    quota = quota_for(instance.base, reads(task.goal, task.program), task.file.samples)
+    assert not sample(instance.base, quota, float("inf")), "there were samples left to draw"
+    assert validate(Plan.of(instance, steps), task) == []
+
+
 def test_the_adaptive_algorithm_asks_less_of_the_streams() -> None:
     calls = {}
     for algorithm in ("adaptive", "incremental"):
@@ -97,6 +107,22 @@ def test_the_adaptive_algorithm_asks_less_of_the_streams() -> None:
         assert result.valid
         calls[algorithm] = sum(s["calls"] for s in result.report()["streams"].values())
     assert calls["adaptive"] < calls["incremental"] / 10
+
+
+@pytest.mark.parametrize("guided", [True, False])
+def test_a_stream_that_never_returns_is_ended_and_named(monkeypatch, unstack, guided: bool) -> None:
+    draw = Task.instance
+
+    def instance(*args, **options):
+        drawn = draw(*args, **options)
+        drawn.base.generators = {**drawn.base.generators, "sample-grasp": lambda *_: iter(lambda: time.sleep(60), 1)}
+        return drawn
+
+    monkeypatch.setattr(Task, "instance", instance)
+    start = time.monotonic()
+    result = solve(Task.load("unstack"), 4, 0, policy=unstack.policy if guided else None, time_limit=1.0)
+    assert time.monotonic() - start < 1.05 * 1.0 + 1
+    assert result.limited and "stream `sample-grasp` was still running on (" in str(result.reason)
 
 
 def test_the_command_line() -> None:

@@ -13,7 +13,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.facts import Args, FactBase
@@ -181,23 +180,15 @@ class Binder:
         """Samples of a generator that is told what stands already: newly started each time."""
         base, stream = self.base, call.stream
         context = [
-            (self._values(tuple(self.assigned.get(n, n) for n in other.inputs)), self._values(outputs))
+            (tuple(self.assigned.get(n, n) for n in other.inputs), outputs)
             for other in self.calls.values()
             if other.stream is stream and other is not call
             if (outputs := tuple(self.assigned.get(n, n) for n in other.outputs))
             if all(name in base.values for name in outputs)
         ]
-        rows = iter(base.generators[stream.name](*self._values(inputs), context=context))
-        for _ in range(SAMPLES * self.effort):
+        for outputs in base.draw_beside(stream, inputs, context, SAMPLES * self.effort):
             self._check_time()
-            row: tuple[Any, ...] | None = next(rows, None)
-            if row is None:
-                return
-            if row:
-                yield base.certify(stream, inputs, row, 0)
-
-    def _values(self, names: Args) -> tuple[object, ...]:
-        return tuple(self.base.values[name] for name in names)
+            yield outputs
 
     def _check_time(self) -> None:
         if time.monotonic() > self.deadline:

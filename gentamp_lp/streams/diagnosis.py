@@ -6,19 +6,25 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.engine import Engine
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import TRUE, And, Atom, Exists, Formula, Not, Or, conjuncts, normalize, to_pddl
+from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.pddl import ActionSchema
 from gentamp_lp.streams.semantics import Program, State, View, effects_of
 
-TIME_LIMIT = 1.0  # seconds that a diagnosis may take
+TIME_LIMIT = 0.3  # seconds that a diagnosis may take
 
 
 def diagnose(engine: Engine) -> Iterator[str]:
     """What to know and to try, most telling first."""
     yield from _streams(engine)
-    yield from _reachability(engine.program, engine.base, engine.state, engine.goal)
+    try:
+        with interrupting(engine.base, TIME_LIMIT):
+            yield from _reachability(engine.program, engine.base, engine.state, engine.goal)
+    except LimitReached:
+        yield "the diagnosis of what can be reached was ended by its own time limit"
     if not engine.options.adaptive:
         yield "try algorithm='adaptive', which samples only what a plan needs"
     elif engine.options.max_cost < float("inf"):
@@ -51,8 +57,7 @@ def _reachability(program: Program, base: FactBase, state: State, goal: Formula)
             for found in view.solutions(relaxed.preconditions[schema.name]):
                 more |= effects_of(view, schema, {p: found[p] for p in schema.parameters})[0]
                 if time.monotonic() > deadline:
-                    yield "the diagnosis of what can be reached was ended by its own time limit"
-                    return
+                    raise LimitReached
         growing = not more <= reached
         reached |= more
     view = View(relaxed, base, reached)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
-from gentamp_lp.streams.binding import Assignment, Binder, Refuted
+from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
 from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
 from gentamp_lp.streams.facts import Args, Fact
 from gentamp_lp.streams.formula import Atom
@@ -273,6 +273,9 @@ class Engine:
             return None
         before = set(base.values)
         result = self._bind(world, steps, needs)
+        if isinstance(result, _Stuck):
+            self._give_up(world, needs, result)
+            self._refute_more(world, needs, result)
         if self.options.adaptive:
             self.hopes.hidden |= self.base.values.keys() - before
             self._tried |= {
@@ -280,18 +283,24 @@ class Engine:
                 for call in needs.calls.values()
                 if all(name in base.values for name in call.inputs)
             }
-        if isinstance(result, _Stuck):
-            self._give_up(world, needs, result)
-            return None
-        return result
+        return None if isinstance(result, _Stuck) else result
+
+    def _refute_more(self, world: World, needs: Needs, stuck: _Stuck) -> None:
+        """Find out what else a plan hopes for in vain when a test outcome is left out, with a limited effort."""
+        most = self._calls() + SAMPLES * len(needs.calls)
+        while self.effort == 1 and stuck.refuted and stuck.refuted.literal and self._calls() < most:
+            needs.literals.discard(stuck.refuted.literal)
+            bound = self._binder(needs, Counter()).solve()
+            if not isinstance(bound, Refuted):
+                return
+            stuck = _Stuck(bound)
+            self._give_up(world, needs, stuck)
 
     def _bind(self, world: World, steps: list[Step], needs: Needs) -> Found | _Stuck:
         """Values for a plan's placeholders that make it a plan, and not too dear a one."""
         cursor: Counter[tuple[str, Args]] = Counter()
         for _ in range(COST_TRIES * self.effort):
-            contextual = set(self.options.contextual)
-            binder = Binder(self.base, needs, self.deadline, self.effort, self.rng, contextual, cursor)
-            bound = binder.solve()
+            bound = self._binder(needs, cursor).solve()
             if isinstance(bound, Refuted):
                 return _Stuck(bound)
             result = self._execute(world, steps, needs, bound)
@@ -305,6 +314,13 @@ class Engine:
             self.hopes.costs[fact] = min(costs[fact] for costs in self._expected if fact in costs)
         self._expected.clear()
         return _Stuck(dear=True)
+
+    def _calls(self) -> int:
+        return sum(statistics.calls for statistics in self.base.statistics.values())
+
+    def _binder(self, needs: Needs, cursor: Counter[tuple[str, Args]]) -> Binder:
+        contextual = set(self.options.contextual)
+        return Binder(self.base, needs, self.deadline, self.effort, self.rng, contextual, cursor)
 
     def _show_exhausted(self) -> None:
         """Samples stay unknown to the planner unless they are all that there is."""
@@ -336,7 +352,7 @@ class Engine:
                 hopes.calls.add(call.key)
                 text = f"{call.stream.name}({', '.join(call.inputs)}) gives nothing that fits"
             case Refuted(literal=literal) if literal is not None:
-                hopes.literals.add(literal)
+                hopes.literals |= {literal} if self.effort > 1 else world.alike(literal)
                 text = f"{' '.join(literal[0])} stays {'false' if literal[1] else 'true'}"
             case _:
                 text = "the real facts refute the plan"

@@ -8,6 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
@@ -15,7 +16,8 @@ from gentamp_lp.errors import Diagnostic, GentampError, InputError
 from gentamp_lp.streams.formula import Atom, Formula, substitute
 from gentamp_lp.streams.language import Generator, WildOutput
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.pddl import Domain, Stream
+from gentamp_lp.streams.pddl import Domain
+from gentamp_lp.streams.stream_file import Stream
 
 Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
 Args = tuple[str, ...]
@@ -121,6 +123,11 @@ def _failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampErro
     return InputError(Diagnostic(message, where.filename, where.lineno, hint="this is Python code of the domain"))
 
 
+def _rows(generator: Generator, values: Iterable[Any]) -> Iterator[Any]:
+    """What a generator gives, called when the first row is asked for."""
+    yield from generator(*values)
+
+
 @dataclass
 class FactBase:
     """Everything known about one problem besides its fluents. Grows while streams are called.
@@ -149,6 +156,7 @@ class FactBase:
         self._truth: dict[Fact, bool] = {}
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
+        self.calling: tuple[str, Args] | None = None  # the stream, and its inputs, whose code is running
         for name in self.functions:
             self.statistics.setdefault(name, StreamStatistics())
         for stream in self.streams:
@@ -239,35 +247,23 @@ class FactBase:
         binding = dict(zip(stream.inputs, args, strict=True))
         if not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
             return None
-        statistics = self.statistics[function]
-        start = time.perf_counter()
-        try:
-            value = self.generators[function](*(self.values[name] for name in args))
-        except Exception as error:
-            raise _failed(function, args, error) from error
-        statistics.seconds += time.perf_counter() - start
-        statistics.calls += 1
+        value = self._ask(function, args, lambda: self.generators[function](*(self.values[name] for name in args)))
         if not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
             raise InputError(f"function `{function}` gave {value!r}, which is not a number")
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
         if not 0 <= number < math.inf:
             raise InputError(f"function `{function}` gave {number}: costs are numbers from 0")
-        statistics.successes += 1
+        self.statistics[function].successes += 1
         self.costs[fact] = number
         return number
 
     def _run_test(self, test: _Test, args: Args) -> bool:
-        statistics = self.statistics[test.stream]
-        start = time.perf_counter()
-        try:
-            row = next(iter(self.generators[test.stream](*map(self.values.__getitem__, test.inputs(args)))), None)
-        except Exception as error:
-            raise _failed(test.stream, test.inputs(args), error) from error
-        statistics.seconds += time.perf_counter() - start
-        statistics.calls += 1
+        inputs = test.inputs(args)
+        generator, values = self.generators[test.stream], map(self.values.__getitem__, inputs)
+        row = self._ask(test.stream, inputs, lambda: next(iter(generator(*values)), None))
         if row is None:
             return False
-        statistics.successes += 1
+        self.statistics[test.stream].successes += 1
         if isinstance(row, WildOutput):
             self._add_wild(row)
         for name, take in test.certified:
@@ -326,22 +322,16 @@ class FactBase:
         key = (stream.name, inputs)
         if stream.is_test:
             return self._decide(stream, inputs)
-        statistics = self.statistics[stream.name]
-        start = time.perf_counter()
         if key not in self._sources:
             binding = dict(zip(stream.inputs, inputs, strict=True))
             if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
                 return None
-            self._sources[key] = self._source(stream, inputs)
+            values = [self.values[name] for name in inputs]
+            self._sources[key] = _Source(_rows(self.generators[stream.name], values))
         source = self._sources[key]
         if source.exhausted:
             return None
-        try:
-            outputs = next(source.rows, None)
-        except Exception as error:
-            raise _failed(stream.name, inputs, error) from error
-        statistics.seconds += time.perf_counter() - start
-        statistics.calls += 1
+        outputs = self._ask(stream.name, inputs, lambda: next(source.rows, None))
         source.drawn += 1
         if outputs is None:
             source.exhausted = True
@@ -351,15 +341,35 @@ class FactBase:
             outputs = outputs.values[0] if outputs.values else ()
         if not outputs:  # a failed attempt of a generator that may still succeed later
             return None
-        statistics.successes += 1
+        self.statistics[stream.name].successes += 1
         source.outputs.append(self.certify(stream, inputs, outputs, source.drawn))
         return source.outputs[-1]
 
-    def _source(self, stream: Stream, inputs: Args) -> _Source:
+    def draw_beside(self, stream: Stream, inputs: Args, context: list[tuple[Args, Args]], limit: int) -> Iterator[Args]:
+        """Up to `limit` samples of a contextual generator, newly started and told what other calls have given."""
+        told = [tuple(tuple(self.values[name] for name in names) for names in other) for other in context]
+        rows = _rows(partial(self.generators[stream.name], context=told), [self.values[name] for name in inputs])
+        for _ in range(limit):
+            row = self._ask(stream.name, inputs, lambda: next(rows, None))
+            if row is None:
+                return
+            if row:
+                self.statistics[stream.name].successes += 1
+                yield self.certify(stream, inputs, row, 0)
+
+    def _ask(self, stream: str, inputs: Args, call: Callable[[], Any]) -> Any:
+        """Run Python code of the domain: `calling` names it while it runs, and it is timed and counted."""
+        statistics = self.statistics[stream]
+        statistics.calls += 1
+        self.calling = (stream, inputs)
+        start = time.perf_counter()
         try:
-            return _Source(iter(self.generators[stream.name](*(self.values[name] for name in inputs))))
+            return call()
         except Exception as error:
-            raise _failed(stream.name, inputs, error) from error
+            raise _failed(stream, inputs, error) from error
+        finally:
+            statistics.seconds += time.perf_counter() - start
+            self.calling = None
 
     def _decide(self, stream: Stream, inputs: Args) -> Args | None:
         """Apply a rule, or run a test whose facts do not name all its inputs."""
@@ -394,14 +404,8 @@ class FactBase:
         """
         told = [(fact[0], *(self.values[name] for name in fact[1:])) for fact in facts]
         statistics = self.statistics[stream.name]
-        start = time.perf_counter()
-        values = (self.values[name] for name in inputs)
-        try:
-            outputs = next(iter(self.generators[stream.name](*values, fluents=told)), None)
-        except Exception as error:
-            raise _failed(stream.name, inputs, error) from error
-        statistics.seconds += time.perf_counter() - start
-        statistics.calls += 1
+        generator, values = self.generators[stream.name], [self.values[name] for name in inputs]
+        outputs = self._ask(stream.name, inputs, lambda: next(iter(generator(*values, fluents=told)), None))
         if not outputs:
             return None
         statistics.successes += 1

@@ -286,4 +286,6 @@ def print_solution(solution: Solution) -> None:
     lines = [f"Solved: {plan is not None}", f"Cost: {cost:.3f}", f"Length: {len(plan) if plan is not None else INF}"]
     lines += [f"Evaluations: {len(certificate.all_facts)}"]
     lines += [f"{n:2}) {a.name} {' '.join(map(str, a.args))}" for n, a in enumerate(plan or (), 1)]
+    report = getattr(solution, "report", None)  # what our `solve` returns has one
+    lines += [str(report)] if plan is None and report else []
     print("\n".join(lines))  # noqa: T201

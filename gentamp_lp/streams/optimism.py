@@ -28,8 +28,9 @@ from gentamp_lp.streams.formula import (
     normalize,
     rebuilt,
 )
-from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Stream
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
 from gentamp_lp.streams.semantics import Program
+from gentamp_lp.streams.stream_file import Stream
 
 Literal = tuple[Fact, bool]
 MAX_CALLS = 100_000
@@ -227,6 +228,22 @@ class World(FactBase):
         if args in self.relation(predicate):
             return True
         return predicate in self.tests and self.opinion((predicate, *args)) is not False
+
+    def alike(self, literal: Literal) -> set[Literal]:
+        """The outcome of a test and those that differ only in which samples of the same streams it is about."""
+        fact, value = literal
+        calls = {self.call_of[name].key: self.call_of[name] for name in fact[1:] if name in self.call_of}
+        if len(calls) != 1:
+            return {literal}
+        call = calls.popitem()[1]
+        others = {other.key: other for other in self.call_of.values() if self._origin(other) == self._origin(call)}
+        renamings = [dict(zip(call.outputs, other.outputs, strict=True)) for other in others.values()]
+        return {((fact[0], *(renaming.get(name, name) for name in fact[1:])), value) for renaming in renamings}
+
+    def _origin(self, call: Call) -> tuple[str, tuple[str | None, ...]]:
+        """The stream of a call and the inputs that no stream has made."""
+        made = self.real.made_by
+        return call.stream.name, tuple(None if n in made or n in self.call_of else n for n in call.inputs)
 
     def candidates(self, predicate: str) -> Iterator[Args]:
         """Arguments on which a test might be run."""

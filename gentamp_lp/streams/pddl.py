@@ -1,17 +1,15 @@
-"""The PDDL and stream files: syntax trees and a parser that names file and line.
+"""PDDL domains and conditions: syntax trees and a parser that names file and line.
 
 Supported: `:strips`, `:typing` (types become unary static predicates), `:equality`, negative, disjunctive and
-quantified conditions, conditional and quantified effects, derived predicates, constants, action costs; streams, tests,
-rules, predicates, functions and fluent streams. Everything else is refused.
+quantified conditions, conditional and quantified effects, derived predicates, constants, action costs. Everything else
+is refused.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.formula import (
@@ -23,7 +21,6 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     Or,
-    atoms,
     conjuncts,
     imply,
 )
@@ -104,34 +101,6 @@ class Domain:
 
 
 @dataclass(frozen=True)
-class Stream:
-    """A declared stream; without outputs it is a test.
-
-    A rule is a test that always succeeds, a predicate a test given as a Boolean function, and a function computes a
-    cost: its one certified atom is its own head.
-    """
-
-    name: str
-    inputs: tuple[str, ...]
-    domain: tuple[Atom, ...]
-    outputs: tuple[str, ...]
-    certified: tuple[Atom, ...]
-    line: int = 0
-    kind: Literal["stream", "rule", "predicate", "function"] = "stream"
-    fluents: tuple[str, ...] = ()  # predicates whose facts, in the state where it is used, the stream is given
-
-    @property
-    def is_test(self) -> bool:
-        """Whether the stream decides facts about its inputs instead of making entities."""
-        return not self.outputs
-
-    @property
-    def decides(self) -> bool:
-        """Whether the stream can be asked about one fact: a test whose facts name all its inputs."""
-        return self.is_test and self.kind != "rule" and all(set(self.inputs) <= set(a.args) for a in self.certified)
-
-
-@dataclass(frozen=True)
 class Cost:
     """`(increase (total-cost) term)`."""
 
@@ -145,7 +114,9 @@ def guarded(guards: tuple[Formula, ...], body: Formula) -> Formula:
 
 
 @dataclass
-class _Reader(Reader):
+class PDDLReader(Reader):
+    """Reads parts of PDDL, given what is declared."""
+
     predicates: dict[str, Predicate] = field(default_factory=dict)
     constants: frozenset[str] = frozenset()
     supertypes: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -173,6 +144,7 @@ class _Reader(Reader):
         return tuple(found)
 
     def types_of(self, item: Symbol | Group) -> tuple[str, ...]:
+        """The type that is named, or those of an `either`; none for `object`."""
         if isinstance(item, Group) and item.head == "either":
             return tuple(t for part in item.items[1:] for t in self.types_of(part))
         kind = self.symbol(item, "a type")
@@ -192,17 +164,20 @@ class _Reader(Reader):
         return tuple(n.name for n, _ in found), tuple(g[0] if len(g) == 1 else Or(tuple(g)) for g in guards)
 
     def item(self, group: Group, index: int, what: str) -> Symbol | Group:
+        """An element of a list, by its index."""
         if len(group.items) <= index:
             raise self.error(f"expected {what}, found the end of the list", group.line)
         return group.items[index]
 
     def atom(self, group: Group, scope: frozenset[str]) -> Atom:
+        """A predicate, or equality, applied to arguments."""
         head = self.symbol(group.items[0], "a predicate") if group.items else None
         if head is None:
             raise self.error("expected a condition, found `()`", group.line)
         return self.application(head, group, 2 if head.name == "=" else self.arity(head), scope)
 
     def application(self, head: Symbol, group: Group, arity: int, scope: frozenset[str]) -> Atom:
+        """A name applied to declared variables and constants."""
         args = tuple(self.symbol(item, "a variable or a constant") for item in group.items[1:])
         if len(args) != arity:
             raise self.error(f"`{head.spelling}` takes {arity} argument(s), not {len(args)}", head.line)
@@ -214,12 +189,14 @@ class _Reader(Reader):
         return Atom(head.name, tuple(arg.name for arg in args))
 
     def arity(self, head: Symbol) -> int:
+        """The number of arguments of a declared predicate."""
         if head.name not in self.predicates:
             known = ", ".join(sorted(p.spelling for p in self.predicates.values()))
             raise self.error(f"unknown predicate `{head.spelling}`", head.line, f"known: {known}")
         return self.predicates[head.name].arity
 
     def formula(self, item: Symbol | Group, scope: frozenset[str]) -> Formula:
+        """A condition over the variables in scope."""
         group = self.group(item, "a condition")
         match group.head:
             case "and" | "or":
@@ -243,12 +220,14 @@ class _Reader(Reader):
         return self.atom(group, scope)
 
     def size(self, group: Group, expected: int) -> None:
+        """Refuse a list that has not the expected number of elements."""
         if len(group.items) != expected:
             raise self.error(f"`{group.head}` takes {expected - 1} part(s)", group.line)
 
     def effects(
         self, item: Symbol | Group, scope: frozenset[str], variables: tuple[str, ...], condition: Formula
     ) -> Iterable[Effect | Cost]:
+        """The effects that an expression lists, under the given variables and condition, and its costs."""
         group = self.group(item, "an effect")
         match group.head:
             case "and":
@@ -276,6 +255,7 @@ class _Reader(Reader):
                 yield Effect(self.atom(group, scope), True, variables, condition)
 
     def cost(self, group: Group, scope: frozenset[str]) -> Cost:
+        """What an `increase` adds."""
         self.size(group, 3)
         target = self.group(group.items[1], "(total-cost)")
         if target.head != "total-cost" or len(target.items) != 1:
@@ -296,6 +276,7 @@ class _Reader(Reader):
         return Cost(number, group.line)
 
     def sections(self, group: Group, start: int, allowed: set[str]) -> dict[str, Symbol | Group]:
+        """Keywords and their values, from the element `start` on."""
         found: dict[str, Symbol | Group] = {}
         items = group.items[start:]
         for key, value in zip(items[::2], items[1::2], strict=False):
@@ -311,7 +292,7 @@ class _Reader(Reader):
 
 def parse_domain(text: str, path: Path | str | None = None) -> Domain:
     """Parse a PDDL domain. Raises InputError with file, line and remedy."""
-    reader = _Reader(path)
+    reader = PDDLReader(path)
     name = ""
     constants: tuple[str, ...] = ()
     groups = read_groups(text, path)
@@ -371,7 +352,7 @@ def parse_domain(text: str, path: Path | str | None = None) -> Domain:
 _ORDER = {":types": 0, ":constants": 1, ":predicates": 2, ":functions": 3}
 
 
-def _types(reader: _Reader, group: Group) -> None:
+def _types(reader: PDDLReader, group: Group) -> None:
     """`a b - c`: remember the types above each type; every type is a unary predicate."""
     parents: dict[str, str] = {}
     waiting: list[Symbol] = []
@@ -401,7 +382,7 @@ def _types(reader: _Reader, group: Group) -> None:
         reader.predicates[name] = Predicate(name, written, 1)
 
 
-def _functions(reader: _Reader, group: Group) -> None:
+def _functions(reader: PDDLReader, group: Group) -> None:
     items = iter(group.items[1:])
     for item in items:
         if isinstance(item, Symbol) and item.name == "-":
@@ -415,7 +396,7 @@ def _functions(reader: _Reader, group: Group) -> None:
         reader.functions[head.name] = Predicate(head.name, head.spelling, arity)
 
 
-def _action(reader: _Reader, group: Group) -> ActionSchema:
+def _action(reader: PDDLReader, group: Group) -> ActionSchema:
     name = reader.symbol(reader.item(group, 1, "the action's name"), "the action's name").name
     parts = reader.sections(group, 2, {":parameters", ":precondition", ":effect"})
     if ":effect" not in parts:
@@ -438,7 +419,7 @@ def _action(reader: _Reader, group: Group) -> ActionSchema:
     return ActionSchema(name, parameters, guarded(guards, precondition), effects, group.line, cost)
 
 
-def _axiom(reader: _Reader, group: Group) -> Axiom:
+def _axiom(reader: PDDLReader, group: Group) -> Axiom:
     reader.size(group, 3)
     head = reader.group(group.items[1], "the derived atom")
     variables, guards = reader.declared(Group(head.items[1:], head.line))
@@ -447,149 +428,6 @@ def _axiom(reader: _Reader, group: Group) -> Axiom:
     if atom.predicate == "=" or atom.predicate in reader.supertypes:
         raise reader.error(f"`{atom.predicate}` cannot be derived", head.line)
     return Axiom(atom, guarded(guards, reader.formula(group.items[2], scope)), group.line)
-
-
-def parse_streams(text: str, domain: Domain, path: Path | str | None = None) -> tuple[Stream, ...]:
-    """Parse a stream file against the domain whose predicates it certifies."""
-    reader = _Reader(
-        path, dict(domain.predicates), frozenset(domain.constants), dict(domain.supertypes), dict(domain.functions)
-    )
-    groups = read_groups(text, path)
-    if len(groups) != 1 or groups[0].head != "define":
-        raise reader.error("expected one `(define (stream ...) ...)`", groups[0].line if groups else 1)
-    streams: dict[str, Stream] = {}
-    for number, item in enumerate(groups[0].items[1:]):
-        group = reader.group(item, "a section")
-        match group.head:
-            case "stream":
-                continue
-            case ":stream":
-                stream = _stream(reader, group, domain)
-            case ":rule":
-                stream = _rule(reader, group, domain, number)
-            case ":function" | ":predicate":
-                stream = _function(reader, group, domain)
-            case ":optimizer" | ":constraint" | ":objective" | ":variables":
-                raise reader.error("optimizers are not supported", group.line, "sample with a `:stream` instead")
-            case _:
-                hint = "known: :stream, :rule, :predicate, :function"
-                raise reader.error(f"unsupported section `{group.head or '()'}`", group.line, hint)
-        if stream.name in streams:
-            raise reader.error(f"stream `{stream.name}` is declared twice", group.line)
-        streams[stream.name] = stream
-    return tuple(streams.values())
-
-
-def _atoms(reader: _Reader, item: Symbol | Group, scope: frozenset[str], what: str) -> tuple[Atom, ...]:
-    found = conjuncts(reader.formula(item, scope))
-    for literal in found:
-        if not isinstance(literal, Atom) or literal.predicate == "=":
-            raise reader.error(f"{what} must be a conjunction of atoms", item.line)
-    return tuple(a for a in found if isinstance(a, Atom))
-
-
-def _typed_atoms(reader: _Reader, guards: Iterable[Formula], line: int) -> tuple[Atom, ...]:
-    """What types say about the variables of a stream."""
-    atoms = [guard for guard in guards if isinstance(guard, Atom)]
-    if len(atoms) != len(list(guards)):
-        raise reader.error("`either` is not supported in streams", line, "name a common supertype")
-    return tuple(atoms)
-
-
-def _check_static(reader: _Reader, name: str, atoms: Iterable[Atom], domain: Domain, line: int) -> None:
-    for atom in atoms:
-        if atom.predicate in domain.fluents or atom.predicate in domain.derived:
-            raise reader.error(
-                f"stream `{name}` uses `{atom.predicate}`, which actions or axioms change",
-                line,
-                "streams speak of static and certified predicates only",
-            )
-
-
-def _check_guarded(reader: _Reader, name: str, inputs: tuple[str, ...], conditions: Iterable[Atom], line: int) -> None:
-    unguarded = set(inputs) - {arg for atom in conditions for arg in atom.args}
-    if unguarded:
-        raise reader.error(
-            f"input(s) {', '.join(sorted(unguarded))} of stream `{name}` occur in no `:domain` fact", line
-        )
-
-
-def _stream(reader: _Reader, group: Group, domain: Domain) -> Stream:
-    name = reader.symbol(reader.item(group, 1, "the stream's name"), "the stream's name").name
-    parts = reader.sections(group, 2, {":inputs", ":domain", ":outputs", ":certified", ":fluents"})
-    declared = {
-        key: reader.declared(reader.group(parts[key], "a list of variables")) if key in parts else ((), ())
-        for key in (":inputs", ":outputs")
-    }
-    (inputs, input_types), (outputs, output_types) = declared[":inputs"], declared[":outputs"]
-    if set(inputs) & set(outputs):
-        raise reader.error(f"stream `{name}` uses a variable as input and output", group.line)
-    conditions = _typed_atoms(reader, input_types, group.line)
-    if ":domain" in parts:
-        conditions += _atoms(reader, parts[":domain"], frozenset(inputs), f"`:domain` of stream `{name}`")
-    certified = _typed_atoms(reader, output_types, group.line)
-    if ":certified" in parts:
-        scope = frozenset(inputs + outputs)
-        certified += _atoms(reader, parts[":certified"], scope, f"`:certified` of stream `{name}`")
-    if not certified:
-        raise reader.error(f"stream `{name}` certifies nothing", group.line, "add `:certified`")
-    _check_guarded(reader, name, inputs, conditions, group.line)
-    _check_static(reader, name, (*conditions, *certified), domain, group.line)
-    if not outputs and any({v for v in a.args if v.startswith("?")} - set(inputs) for a in certified):
-        raise reader.error(f"test `{name}` certifies a fact about variables that are not inputs", group.line)
-    fluents = (
-        [reader.symbol(s, "a predicate") for s in reader.group(parts[":fluents"], "predicates").items]
-        if (":fluents" in parts)
-        else []
-    )
-    for fluent in fluents:
-        reader.arity(fluent)
-        if fluent.name not in domain.fluents:
-            raise reader.error(f"no action changes `{fluent.spelling}`", fluent.line, "remove it from `:fluents`")
-    if fluents and not outputs:
-        raise reader.error(f"test `{name}` has `:fluents`", group.line, "give it an output, or use an axiom")
-    return Stream(name, inputs, conditions, outputs, certified, group.line, "stream", tuple(f.name for f in fluents))
-
-
-def _rule(reader: _Reader, group: Group, domain: Domain, number: int) -> Stream:
-    parts = reader.sections(group, 1, {":inputs", ":domain", ":certified"})
-    for key in (":inputs", ":domain", ":certified"):
-        if key not in parts:
-            raise reader.error(f"a rule needs `{key}`", group.line)
-    inputs, types = reader.declared(reader.group(parts[":inputs"], "a list of variables"))
-    conditions = _typed_atoms(reader, types, group.line)
-    conditions += _atoms(reader, parts[":domain"], frozenset(inputs), "`:domain` of a rule")
-    certified = _atoms(reader, parts[":certified"], frozenset(inputs), "`:certified` of a rule")
-    _check_guarded(reader, f"rule {number}", inputs, conditions, group.line)
-    _check_static(reader, f"rule {number}", (*conditions, *certified), domain, group.line)
-    return Stream(f"rule-{number}", inputs, conditions, (), certified, group.line, "rule")
-
-
-def _function(reader: _Reader, group: Group, domain: Domain) -> Stream:
-    """`(:function (Head ?x) conditions)` or the same of a `:predicate`."""
-    if len(group.items) not in (2, 3):
-        raise reader.error(f"`{group.head}` takes a head and its conditions", group.line)
-    declaration = reader.group(group.items[1], "the head")
-    head = reader.symbol(reader.item(declaration, 0, "a name"), "a name")
-    inputs, types = reader.declared(Group(declaration.items[1:], declaration.line))
-    conditions = _typed_atoms(reader, types, group.line)
-    if len(group.items) == 3:
-        conditions += _atoms(reader, group.items[2], frozenset(inputs), f"the conditions of `{head.spelling}`")
-    table = reader.predicates if group.head == ":predicate" else reader.functions
-    if group.head == ":function":
-        table.setdefault(head.name, Predicate(head.name, head.spelling, len(inputs)))
-    if head.name not in table:
-        raise reader.error(f"unknown predicate `{head.spelling}`", head.line, "declare it in the domain")
-    if table[head.name].arity != len(inputs):
-        arity = table[head.name].arity
-        raise reader.error(f"`{head.spelling}` takes {arity} argument(s), not {len(inputs)}", head.line)
-    certified = (Atom(head.name, inputs),)
-    _check_guarded(reader, head.name, inputs, conditions, group.line)
-    if group.head == ":function":
-        _check_static(reader, head.name, conditions, domain, group.line)
-        return Stream(head.name, inputs, conditions, (), certified, group.line, "function")
-    _check_static(reader, head.name, (*conditions, *certified), domain, group.line)
-    return Stream(head.name, inputs, conditions, (), certified, group.line, "predicate")
 
 
 def parse_formula(
@@ -602,7 +440,7 @@ def parse_formula(
 ) -> Formula:
     """Parse one condition (a goal, say) over the domain's predicates."""
     known = frozenset(domain.constants) | {c.lower() for c in constants}
-    reader = _Reader(path, dict(domain.predicates), known, dict(domain.supertypes))
+    reader = PDDLReader(path, dict(domain.predicates), known, dict(domain.supertypes))
     try:
         groups = read_groups(text, path)
         if len(groups) != 1:
@@ -616,59 +454,3 @@ def _shift(error: InputError, offset: int) -> InputError:
     return InputError(
         *(Diagnostic(d.message, d.path, (d.line or 1) + offset, d.column, d.hint) for d in error.diagnostics)
     )
-
-
-def infer_sorts(
-    domain: Domain, streams: Iterable[Stream], facts: Iterable[tuple[str, ...]] = ()
-) -> dict[str, tuple[str, ...]]:
-    """Group argument positions into sorts: positions filled by one variable, or one entity, have one sort.
-
-    Union-find over the predicates' argument positions; a variable that occurs in two positions of one action,
-    axiom or stream joins them, and so does an entity in two positions of `facts`. Returns for every predicate the
-    sort of each argument, named after a variable that fills it (`?p` gives the sort `p`).
-    """
-    parent: dict[tuple[str, int], tuple[str, int]] = {}
-    label: dict[tuple[str, int], str] = {}
-
-    def find(position: tuple[str, int]) -> tuple[str, int]:
-        while parent.setdefault(position, position) != position:
-            parent[position] = parent[parent[position]]
-            position = parent[position]
-        return position
-
-    def join(together: Iterable[Atom]) -> None:
-        first: dict[str, tuple[str, int]] = {}
-        for atom in together:
-            for index, arg in enumerate(atom.args):
-                if atom.predicate == "=" or not arg.startswith("?"):
-                    continue
-                here = (atom.predicate, index)
-                label.setdefault(here, arg[1:])
-                if arg in first:
-                    parent[find(first[arg])] = find(here)
-                first[arg] = here
-
-    for schema in domain.actions:
-        join([*atoms(schema.precondition), *(effect.atom for effect in schema.effects)])
-    for axiom in domain.axioms:
-        join([axiom.head, *atoms(axiom.body)])
-    for stream in streams:
-        join([*stream.domain, *stream.certified])
-    seen: dict[str, tuple[str, int]] = {}
-    for name, *args in facts:
-        for index, entity in enumerate(args):
-            parent[find((name, index))] = find(seen.setdefault(entity, (name, index)))
-    names: dict[tuple[str, int], str] = {}
-    sorts: dict[str, tuple[str, ...]] = {}
-    for predicate in domain.predicates.values():
-        row = []
-        for index in range(predicate.arity):
-            root = find((predicate.name, index))
-            if root not in names:
-                base = re.sub(r"\W", "_", label.get((predicate.name, index), predicate.name))
-                base = base if base[:1].islower() else f"s{base}"  # an atom of Prolog and ASP
-                taken = set(names.values())
-                names[root] = next(n for n in (base, *(f"{base}{i}" for i in range(2, 999))) if n not in taken)
-            row.append(names[root])
-        sorts[predicate.name] = tuple(row)
-    return sorts

@@ -11,8 +11,10 @@ from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, imply
 from gentamp_lp.streams.language import TOTAL_COST, Generator, PDDLProblem, from_fn, from_test, one_by_one
 from gentamp_lp.streams.naming import RESERVED, Names, readable
-from gentamp_lp.streams.pddl import Domain, Stream, infer_sorts, parse_domain, parse_streams
+from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
+from gentamp_lp.streams.sorts import infer_sorts
+from gentamp_lp.streams.stream_file import Stream, parse_streams
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ from gentamp_lp.streams.formula import (
     normalize,
     rebuilt,
 )
-from gentamp_lp.streams.pddl import ActionSchema, Stream
+from gentamp_lp.streams.pddl import ActionSchema
 from gentamp_lp.streams.semantics import Program, State, View
+from gentamp_lp.streams.stream_file import Stream
 
 Env = list[str]  # the value of each variable and constant of a query
 Test = Callable[[Env], bool]

@@ -14,6 +14,7 @@ from gentamp_lp.streams.diagnosis import diagnose
 from gentamp_lp.streams.downward import MEMORY_LIMIT, PLANNERS, SEARCHES
 from gentamp_lp.streams.engine import Engine, Found, Options
 from gentamp_lp.streams.facts import Fact, FactBase, StreamStatistics
+from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.language import (
     INF,
     Action,
@@ -69,6 +70,11 @@ class Result(Solution):
         """`solved`, `no plan`, `time limit` or `memory limit`."""
         return self.report.status
 
+    @property
+    def reason(self) -> str:
+        """Why there is no plan and what to try; empty when there is one."""
+        return "" if self.plan is not None else "\n".join((self.report.reason, *self.report.advice))
+
 
 @dataclass
 class _Search:
@@ -92,7 +98,8 @@ class _Search:
             engine = Engine(self.problem, replace(self.options, max_cost=bound, time_limit=deadline - time.monotonic()))
             self.unbounded.append(engine)
             try:
-                self.best = engine.solve()
+                with interrupting(self.problem.base, engine.options.time_limit):
+                    self.best = engine.solve()
             except NoAnswer as error:
                 self.reason = str(error)
                 return

@@ -11,7 +11,8 @@ from test_solve import DOOR, DOOR_STREAMS, SHELF, SHELF_STREAMS, TRAVEL
 
 from gentamp_lp.errors import InputError, SolverError
 from gentamp_lp.streams import PDDLProblem, from_fn, from_test, solve
-from gentamp_lp.streams.pddl import parse_domain, parse_streams
+from gentamp_lp.streams.pddl import parse_domain
+from gentamp_lp.streams.stream_file import parse_streams
 
 WORDS = sorted({
     *re.findall(r"\(|\)|[^\s()]+", TRAVEL + SHELF + SHELF_STREAMS + DOOR + DOOR_STREAMS),

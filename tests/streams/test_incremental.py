@@ -15,8 +15,10 @@ from gentamp_lp.streams import downward
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.incremental import quota_for, sample, simulate, solve_incremental
 from gentamp_lp.streams.language import from_gen_fn, from_test
-from gentamp_lp.streams.pddl import infer_sorts, parse_domain, parse_formula, parse_streams
+from gentamp_lp.streams.pddl import parse_domain, parse_formula
 from gentamp_lp.streams.semantics import Program, View
+from gentamp_lp.streams.sorts import infer_sorts
+from gentamp_lp.streams.stream_file import parse_streams
 
 DOMAIN = """(define (domain line)
   (:predicates (Block ?b) (Pose ?b ?p) (Red ?b ?p) (CFree ?b ?p ?b2 ?p2)

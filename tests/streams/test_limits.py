@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,63 @@ def test_time_limits_are_kept(algorithm: str, limit: float, pause: float) -> Non
     result = solve(hopeless(pause), algorithm, max_time=limit)
     assert result.status == "time limit" and result.plan is None
     assert time.monotonic() - start < 1.05 * limit + 1
+
+
+def stuck(stream: str) -> PDDLProblem:
+    """One of the streams never returns; what it raises on the way is of no avail."""
+
+    def sleep(*inputs: object) -> object:
+        while True:
+            try:
+                time.sleep(60)
+            except Exception:
+                continue
+
+    functions = {
+        "spot": from_gen_fn(lambda i: iter([(1,)])),
+        "big": from_test(lambda i, x: True),
+        "effort": lambda i: 1,
+    }
+    functions[stream] = {"spot": from_gen_fn(sleep), "big": from_test(sleep), "effort": sleep}[stream]
+    domain = HARD.replace("(:action", "(:functions (Effort ?i)) (:action").replace(
+        ":effect (On ?i ?x)", ":effect (and (On ?i ?x) (increase (total-cost) (Effort ?i)))"
+    )
+    streams = HARD_STREAMS[:-1] + "(:function (Effort ?i) (Item ?i)))"
+    domain, streams = (text.replace("Big ?x", "Big ?i ?x") for text in (domain, streams))
+    return PDDLProblem(domain, {}, streams, functions, [("Item", "a")], ("exists", ["?x"], ("On", "a", "?x")))
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize("stream", ["spot", "big", "effort"])
+def test_a_stream_that_never_returns_is_ended_and_named(algorithm: str, stream: str) -> None:
+    start = time.monotonic()
+    result = solve(stuck(stream), algorithm, max_time=1.2)
+    assert time.monotonic() - start < 1.05 * 1.2 + 1
+    assert result.status == "time limit" and result.plan is None
+    assert f"stream `{stream}` was still running on (a" in result.report.reason
+    assert result.report.streams[stream].calls >= 1 and result.report.streams[stream].seconds > 0.1
+    assert not any(f"`{stream}` was never called" in line for line in result.report.advice)
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0) and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
+
+
+def test_someone_elses_alarm_is_left_alone() -> None:
+    rung = []
+    before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        assert solve(hopeless(0.05), max_time=0.8).status == "time limit"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert rung == [1]
+
+
+def test_limits_are_kept_between_calls_in_other_threads() -> None:
+    with ThreadPoolExecutor(2) as pool:
+        start = time.monotonic()
+        found = [pool.submit(solve, hopeless(0.05), "adaptive", max_time=0.8) for _ in range(2)]
+        assert [f.result().status for f in found] == ["time limit"] * 2
+    assert time.monotonic() - start < 1.05 * 0.8 + 1
 
 
 def test_a_memory_limit_is_not_a_time_limit() -> None:

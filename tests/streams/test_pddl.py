@@ -5,7 +5,9 @@ import pytest
 from gentamp_lp.errors import InputError
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.formula import And, Atom, Exists, Not, normalize, to_pddl
-from gentamp_lp.streams.pddl import infer_sorts, parse_domain, parse_formula, parse_streams
+from gentamp_lp.streams.pddl import parse_domain, parse_formula
+from gentamp_lp.streams.sorts import infer_sorts
+from gentamp_lp.streams.stream_file import parse_streams
 
 FOLDER = resource("domains", "tabletop")
 DOMAIN = parse_domain((FOLDER / "domain.pddl").read_text(), FOLDER / "domain.pddl")

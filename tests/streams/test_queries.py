@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or, free_variables
 from gentamp_lp.streams.language import from_gen_fn, from_test
-from gentamp_lp.streams.pddl import Axiom, parse_domain, parse_streams
+from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.queries import Situation, unfold
 from gentamp_lp.streams.semantics import Program, Step, View, applicable, apply
+from gentamp_lp.streams.stream_file import parse_streams
 from gentamp_lp.watches import Watches
 
 DOMAIN = parse_domain(

@@ -10,8 +10,9 @@ from gentamp_lp.errors import InputError
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or, free_variables
 from gentamp_lp.streams.language import from_gen_fn, from_test
-from gentamp_lp.streams.pddl import Axiom, parse_domain, parse_streams
+from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.semantics import Program, Step, View, applicable, apply
+from gentamp_lp.streams.stream_file import parse_streams
 
 DOMAIN = parse_domain(
     """(define (domain d)

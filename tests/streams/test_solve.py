@@ -36,6 +36,7 @@ from gentamp_lp.streams import (
     from_sampler,
     from_test,
     negate_test,
+    print_solution,
     solve,
 )
 
@@ -376,6 +377,14 @@ def test_a_failure_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str])
         and "`put` never becomes applicable: nothing satisfies (spot ?i ?x)" in report
     )
     assert report in capsys.readouterr().out
+    print_solution(result)
+    shown = capsys.readouterr().out
+    assert shown.startswith("Solved: False") and report in shown
+    assert "`put` never becomes applicable" in result.reason and result.report.reason in result.reason
+    print_solution((None, INF, result.certificate))  # a plain tuple, as others make them
+    solved = solve(shelf(("On", "a", 5), from_list_fn(lambda i: [(5,)])))
+    print_solution(solved)
+    assert solved.reason == "" and "iterations" not in capsys.readouterr().out
     unused = solve(shelf(("Seen", 8), from_list_fn(lambda i: []))._replace(init=[]))
     assert "`spots` was never called: there are no facts of item" in str(unused.report)
 

@@ -6,7 +6,7 @@ import time
 import pytest
 from tamp import Tamp, line, plane
 
-from gentamp_lp.streams import solve
+from gentamp_lp.streams import from_test, solve
 
 SMALL = {
     "packed": lambda n, seed: line(n, slack=2.5, seed=seed),
@@ -50,3 +50,19 @@ def test_six_seeds_within_a_minute(name: str, sizes: tuple[int, ...]) -> None:
     for size in sizes:
         times = [seconds(SMALL[name](size, seed)) for seed in range(6)]
         print(f"{name}, n={size}: median {statistics.median(times):.2f} s, largest {max(times):.2f} s")
+
+
+def test_several_vain_hopes_are_found_in_one_round() -> None:
+    """A spot on the table is hoped to be in the region, of each block; no sample ever is."""
+    scene = line(6, slack=5, seed=0)
+    problem = scene.problem()
+    into = """(:stream t-contain :inputs (?b ?p ?r) :domain (and (Pose ?b ?p) (Placeable ?b ?r))
+      :certified (Contain ?b ?p ?r)))"""
+    tests = {**problem.stream_map, "t-contain": from_test(lambda b, p, r: inside(p.where, scene.regions[r]))}
+    result = solve(problem._replace(stream_pddl=problem.stream_pddl[:-1] + into, stream_map=tests), max_time=60)
+    scene.check([(a.name, a.args) for a in result.plan])
+    assert result.report.iterations < 4
+
+
+def inside(place, region) -> bool:
+    return all(low + 1 <= x <= high - 1 for x, low, high in zip(place, *region, strict=True))
