@@ -116,7 +116,7 @@ class Arm(Robot):
         poses = approach_poses(tool_pose)
         if (space := self.description.workspace) is not None:
             last_joint = (poses[[0, -1]] @ inverse(self.chain.tip))[:, :3, 3]
-            if np.linalg.norm(last_joint - space.centre, axis=1).max() > space.radius:
+            if not space.holds(last_joint):
                 return None
         for _ in range(ROUNDS):
             for candidate in self._solutions(tool_pose, rng):
