@@ -500,12 +500,41 @@ def _inflated(shape: Shape, gap: float) -> Shape:
 
 
 def reachable(world: World, name: str, placement: Placement, rng: np.random.Generator) -> bool:
-    """Whether some grasp of the thing can be reached where it stands (other things not considered)."""
-    for grasp in world.grasps[name]:
-        tool = placement.transform @ grasp.tool
-        if world.robot.reach_from(world.base.place, tool, grasp.opening, rng) is not None:
-            return True
-    return False
+    """Whether some grasp of the thing can be reached where it stands (other things not considered).
+
+    A robot that drives must find it twice: it comes back, and then chance must not decide.
+    """
+    return _reached(world, name, placement, world.base, rng, times=1 + world.robot.mobile)
+
+
+def serves(world: World, name: str, support: str, placement: Placement, rng: np.random.Generator) -> bool:
+    """Whether an arm that drives reaches what stands in each cell of a tray, from the first place at the support."""
+    if name not in world.cells or not isinstance(world.robot, Mobile) or world.robot.arm.flies:
+        return True
+    base = next((base for base in islice(world.parkings(support, rng), _TRIES) if base), None)
+    riders = [fact[1] for fact in world.static if fact[0] == "stackable" and fact[2] == name]
+    cells = (Placement("world", placement.transform @ cell.transform) for cell in cell_placements(world, name))
+    return base is not None and all(_reached(world, rider, cell, base, rng) for cell in cells for rider in riders[:1])
+
+
+def cell_placements(world: World, support: str) -> Iterator[Placement]:
+    """The cells of a tray, from the end away from its handle; each holds one thing."""
+    cells, side = world.cells[support]
+    interior = world.shapes[support].interior
+    assert interior is not None
+    for index in range(cells):
+        yield Placement(support, pose((index - (cells - 1) / 2) * side, 0.0, interior[2] + GAP))
+
+
+def _reached(
+    world: World, name: str, placement: Placement, base: rooms.Base, rng: np.random.Generator, times: int = 1
+) -> bool:
+    """Whether inverse kinematics finds, so many times in a row, an approach for some grasp of a thing."""
+
+    def reach(grasp: Grasp) -> Trajectory | None:
+        return world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+
+    return any(all(reach(grasp) for _ in range(times)) for grasp in world.grasps[name])
 
 
 def _stand(world: World, name: str, placement: Placement, support: str) -> None:
