@@ -94,6 +94,11 @@ class Arm(Robot):
         """Free the PyBullet world."""
         self._bullet.close()
 
+    @property
+    def hand(self) -> list[int]:
+        """Positions of the links behind the last joint."""
+        return np.flatnonzero(self._behind == self.chain.dof).tolist()
+
     def tools(self, configurations: Array) -> Array:
         """Return the tool poses (n, 4, 4) of configurations (n, dof)."""
         return self.chain.tool(configurations)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -40,6 +41,11 @@ class Mobile(Robot):
     def close(self) -> None:
         """Free what the arm holds."""
         self.arm.close()
+
+    @property
+    def hand(self) -> Sequence[int]:
+        """Positions of the links that move with the arm's tool."""
+        return self.arm.hand
 
     def tools(self, configurations: Array) -> Array:
         """Return the tool poses (n, 4, 4) of configurations (n, 3 + dof of the arm)."""
