@@ -19,17 +19,20 @@ from gentamp_lp.geometry.assets import data_path, find_mesh
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.collision import collide, hits_table
 from gentamp_lp.geometry.gripper import approach_poses
-from gentamp_lp.geometry.meshes import mesh
+from gentamp_lp.geometry.meshes import mesh, tray_mesh
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.render import MOVIE, Scene
 from gentamp_lp.geometry.replay import TABLE, Replay
 from gentamp_lp.geometry.robots import make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, hull, to_trimesh
 from gentamp_lp.geometry.transforms import inverse, pose, rotation
+from gentamp_lp.learning import Learned
 from gentamp_lp.planning import solve
 from gentamp_lp.task import Task
 
 EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "toys.yaml"
+SERVE = EXAMPLE.with_name("serve.yaml")
+TRAY = data_path("tray", "tray_textured.obj")
 MUG, DUCK, BRICK = (data_path(*name.split("/")) for name in ("objects/mug.obj", "duck_vhacd.obj", "lego/lego.obj"))
 
 
@@ -195,6 +198,46 @@ def test_a_mug_is_grasped_past_its_handle(shapes: dict[str, Shape]) -> None:
                 assert not near or min(near) > -0.0011  # PyBullet makes fingers 1 mm thicker
     assert not list(robot.grasps(mesh(MUG, 1.0), "side"))  # 8.2 cm are too wide
     assert inverse(found[0].tool) @ found[0].tool == pytest.approx(np.eye(4), abs=1e-9)
+
+
+# ---- trays
+
+
+@pytest.mark.parametrize("length", [0.07, 0.14, 0.42])
+def test_a_tray_that_is_a_mesh_holds_what_it_says(length: float) -> None:
+    """A slab almost as large as the floor fits between the walls, a larger one does not."""
+    shape = tray_mesh(TRAY, length, 0.07)
+    assert shape.interior is not None and shape.interior[:2] == (length, 0.07)
+    on_it = pose(z=shape.interior[2] + GAP)
+    assert not collide(shape, pose(), box(length - 0.001, 0.069, 0.01), on_it, envelope=False)
+    assert collide(shape, pose(), box(length + 0.008, 0.07, 0.01), on_it, envelope=False)
+    assert collide(shape, pose(), box(length, 0.078, 0.01), on_it, envelope=False)
+    robot = make_robot("gripper")
+    start, goal = pose(0.4, 0.0, GAP), pose(0.5, 0.1, GAP, 0.5)
+    with Replay(robot) as replay:
+        assert replay.add("tray", shape, start, TABLE) == []
+        assert replay.add("can", box(0.05, 0.05, 0.08), start @ on_it, "tray") == []
+        grasp = next(robot.grasps(shape))
+        for place, act in ((start, replay.pick), (goal, replay.place)):
+            way = robot.reach(place @ grasp.tool, grasp.opening, np.random.default_rng(0))
+            assert way is not None and act("tray", way) == []
+        assert replay.support("can") == "tray"
+
+
+@pytest.mark.parametrize("robot", ["gripper", "panda"])
+def test_the_policy_of_load_fills_it(load: Learned, robot: str) -> None:
+    for size in ("2-4", "3-3", "4-2"):
+        result = solve(Task.load(SERVE), size, 1, policy=load.policy, robot=robot)
+        assert result.valid and result.planner == "guided" and result.plan is not None
+        assert len(result.plan.steps) == 1 + 2 * min(map(int, size.split("-")))
+
+
+def test_what_has_no_walls_is_no_tray(tmp_path: Path) -> None:
+    path = tmp_path / "serve.yaml"
+    path.write_text(SERVE.read_text().replace("tray/tray_textured.obj", "domino/domino.obj"))
+    with pytest.raises(InputError, match=r"`domino\.obj` is no tray: it needs a floor") as caught:
+        Task.load(path)
+    assert caught.value.diagnostics[0].line == line_of(path, "cell: 0.075")
 
 
 # ---- task files

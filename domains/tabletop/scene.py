@@ -96,12 +96,26 @@ class ShapeOption(_Section):
 class TrayShape(_Section):
     """A tray with a row of `cells` square cells of side `cell`.
 
-    `exact`: no more than `cells` of the things that may go there fit on it, however they are put.
+    `exact`: no more than `cells` of the things that may go there fit on it, however they are put. `mesh`: what it looks
+    like (see MeshShape), a flat plate if not given.
     """
 
     cells: Count
     cell: float = Field(gt=0)
     exact: bool = False
+    mesh: Path | None = None
+
+    @field_validator("mesh")
+    @classmethod
+    def _found(cls, file: Path, info: ValidationInfo) -> Path:
+        path = find_mesh(str(file), (info.context or {}).get("folder", Path()))
+        meshes.tray_mesh(path, 1.0, 1.0)
+        return path
+
+    def shape(self, cells: int) -> Shape:
+        """A tray for so many things."""
+        length, width = cells * self.cell, self.cell
+        return tray(length, width) if self.mesh is None else meshes.tray_mesh(self.mesh, length, width)
 
 
 class MeshShape(_Section):
@@ -214,7 +228,9 @@ class Scene(_Section):
     @property
     def files(self) -> list[Path]:
         """The files that the scene is made from."""
-        return [option.mesh.file for group in self.things for option in group.shapes if option.mesh]
+        options = [option for group in self.things for option in group.shapes]
+        found = [option.mesh.file if option.mesh else option.tray and option.tray.mesh for option in options]
+        return [file for file in found if file]
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
@@ -431,7 +447,7 @@ def _shape(
     assert option.tray is not None
     cells = _count(option.tray.cells, parameters)
     world.cells[name] = (cells, option.tray.cell)
-    return tray(cells * option.tray.cell, option.tray.cell)
+    return option.tray.shape(cells)
 
 
 def _no_grasp(world: World, name: str, group: Things, location: tuple[str | int, ...]) -> SceneError:

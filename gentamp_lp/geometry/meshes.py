@@ -18,7 +18,7 @@ import platformdirs
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.files import replacing
-from gentamp_lp.geometry.shapes import BLUE, Look, Rgba, Shape, hull
+from gentamp_lp.geometry.shapes import BLUE, Look, Rgba, Shape, hull, tray
 from gentamp_lp.geometry.transforms import Array
 
 if TYPE_CHECKING:
@@ -31,6 +31,9 @@ Vector = tuple[float, float, float]
 
 LEANING = math.radians(15.0)
 """How far a mesh may lean from the direction that is said to be up, when it stands."""
+
+RIM = 0.010
+"""Height (m) of the walls of a tray that is a mesh."""
 
 _CONVEX = 0.98  # a piece that fills so much of its hull is taken for convex
 _FLAT = 1e-6  # of the mesh's size: a thinner piece has no volume
@@ -50,6 +53,24 @@ def mesh(
     place = standing.copy()
     place[:3, 3] *= scale
     return Shape(parts, rgba, look=Look(path, scale, place))
+
+
+def tray_mesh(path: Path, length: float, width: float) -> Shape:
+    """Return a tray with a mesh for its body, stretched so that `length` and `width` (m) are free between its walls.
+
+    Its walls are `RIM` high, low enough for fingers to reach between them. Raises ValueError for a mesh that does not
+    consist of a floor and walls round it.
+    """
+    _, solids = _standing(path, (0.0, 0.0, 1.0), "pieces")
+    lower, upper = (np.array([edge(points, axis=0) for points in solids]) for edge in (np.min, np.max))
+    away = np.maximum(lower, -upper)[:, :2]  # how far a piece is from the middle, along x and y
+    walls = (away > 0).any(axis=1)
+    if walls.all() or not (away[walls] > 0).any(axis=0).all():
+        raise ValueError(f"the mesh `{path.name}` is no tray: it needs a floor, and walls of their own on all sides")
+    inner = 2 * np.where(away > 0, away, np.inf).min(axis=0)
+    scale = np.array([length / inner[0], width / inner[1], RIM / upper[:, 2].max()])
+    floor = float(upper[~walls, 2].max() * scale[2])
+    return tray(length, width, body=tuple(hull(points * scale) for points in solids), floor=floor)
 
 
 @lru_cache

@@ -228,21 +228,28 @@ FIN_DISTANCE = 0.03
 """Distance (m) of the fin from the short end of the tray."""
 
 
-def tray(length: float, width: float, headroom: float = 0.12, rgba: Rgba = GREY) -> Shape:
-    """Return a flat tray, `length` along x and `width` along y, that carries objects up to `headroom` (m).
+def tray(
+    length: float,
+    width: float,
+    headroom: float = 0.12,
+    rgba: Rgba = GREY,
+    body: tuple[Part, ...] = (),
+    floor: float = PLATE,
+) -> Shape:
+    """Return a tray, `length` along x and `width` along y, that carries objects up to `headroom` (m).
 
-    The upright fin beyond the end at +x is the only part to grasp; a gripper closes on it along y and keeps
-    clear of the load. The column above the plate up to `headroom` is the envelope. Lengths in m.
+    It is a plate, or the parts of `body` whose floor of that size is at the height `floor` (m). The upright fin beyond
+    the end at +x is the only part to grasp; a gripper closes on it along y and keeps clear of the load. The column
+    above the floor up to `headroom` is the envelope. Lengths in m.
     """
-    if headroom <= PLATE:
-        raise ValueError(f"the headroom of a tray must exceed its thickness of {PLATE} m, not {headroom}")
-    centre = length / 2 + FIN_DISTANCE + FIN[0] / 2
-    neck = FIN_DISTANCE + FIN[0]
-    plate = Part("box", (length, width, PLATE), (0.0, 0.0, PLATE / 2))
+    if headroom <= floor:
+        raise ValueError(f"the headroom of a tray must exceed its thickness of {floor} m, not {headroom}")
+    body = body or (Part("box", (length, width, PLATE), (0.0, 0.0, PLATE / 2)),)
+    neck = max(FIN_DISTANCE, max(part.bounds[1][0] for part in body) - length / 2) + FIN[0]
     arm = Part("box", (neck, FIN[0], PLATE), (length / 2 + neck / 2, 0.0, PLATE / 2))
-    fin = Part("box", FIN, (centre, 0.0, PLATE + FIN[2] / 2))
-    space = Part("box", (length, width, headroom - PLATE), (0.0, 0.0, (headroom + PLATE) / 2))
-    return Shape((plate, arm, fin), rgba, handles=(fin,), envelope=space, interior=(length, width, PLATE))
+    fin = Part("box", FIN, (length / 2 + neck - FIN[0] / 2, 0.0, PLATE + FIN[2] / 2))
+    space = Part("box", (length, width, headroom - floor), (0.0, 0.0, (headroom + floor) / 2))
+    return Shape((*body, arm, fin), rgba, handles=(fin,), envelope=space, interior=(length, width, floor))
 
 
 def to_trimesh(shape: Shape) -> trimesh.Trimesh:
