@@ -295,6 +295,22 @@ def test_unusable_files_are_named(tmp_path: Path, content: str | None, words: st
     assert diagnostic.path == path and diagnostic.line == line_of(path, "thing.obj")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("up: [0, 1, 0]", "up: [0, 0, 0]", "does not stand with .* choose"),
+        ("up: [0, 1, 0]", "up: [0, 1]", "Field required"),
+        ("scale: [0.032, 0.036]", "scale: [0.0000001, 0.036]", "make them larger"),
+        ("scale: [0.032, 0.036]", "scale: -1", "greater than 0"),
+        ("collision: pieces", "collision: boxes", "'hull' or 'pieces'"),
+    ],
+)
+def test_mistakes_in_a_mesh_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        Task.load(write(tmp_path, old, new))
+    assert all(diagnostic.line for diagnostic in caught.value.diagnostics)
+
+
 def test_other_formats_and_packages_are_refused(tmp_path: Path) -> None:
     (tmp_path / "thing.ply").write_text("ply")
     with pytest.raises(ValueError, match=r"neither an \.obj nor an \.stl"):

@@ -137,7 +137,7 @@ class MeshShape(_Section):
 
     @model_validator(mode="after")
     def _stands(self) -> MeshShape:
-        self.shape(1.0)
+        self.shape(min(self.scale) if isinstance(self.scale, tuple) else self.scale)
         return self
 
     def shape(self, scale: float, rgba: Rgba = BLUE) -> Shape:

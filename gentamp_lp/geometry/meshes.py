@@ -83,10 +83,10 @@ def _standing(path: Path, up: Vector, collision: Collision) -> tuple[Array, list
     volumes = np.array([solid.volume for solid in hulls])
     centre = volumes @ [solid.center_mass for solid in hulls] / volumes.sum()
     ups = _stable(trimesh.convex.convex_hull(np.vstack(solids)), centre)
-    wanted = np.array(up) / np.linalg.norm(up)
+    wanted = np.array(up) / max(float(np.linalg.norm(up)), 1e-12)
     best = ups[int(np.argmax(ups @ wanted))] if len(ups) else -wanted
     if best @ wanted < math.cos(LEANING):
-        choices = "; ".join(str([round(float(v), 2) for v in other]) for other in ups[:6])
+        choices = "; ".join(str(other) for other in np.unique(ups.round(2), axis=0)[:6].tolist())
         raise ValueError(f"the mesh `{path.name}` does not stand with {list(up)} up: choose `up` among {choices}")
     place = np.eye(4)
     place[:3, :3] = _upright(best)

@@ -116,7 +116,7 @@ def hull(vertices: Array) -> Part:
     import trimesh
 
     if len(vertices) < 4 or np.linalg.matrix_rank(vertices - vertices[0], tol=1e-6) < 3:
-        raise ValueError("points in a plane have no hull")
+        raise ValueError("points in a plane, or as near as that, have no hull: make them larger")
     solid = trimesh.convex.convex_hull(vertices)
     centre = solid.bounds.mean(axis=0)
     corners = np.asarray(solid.vertices - centre, dtype=np.float64)
