@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -60,7 +61,7 @@ def grasps(shape: Shape, opening: float, approach: Approach = "top") -> Iterator
     enough not to slide off; whether the hand itself is clear of the mesh is not looked at.
     """
     if shape.meshed:
-        yield from _on_mesh(shape, opening, approach)
+        yield from (Grasp(found.tool, found.opening) for found in _on_mesh(shape.parts, opening, approach))
         return
     for part in shape.graspable:
         for yaw, width, depth in _closings(part):
@@ -73,14 +74,19 @@ def grasps(shape: Shape, opening: float, approach: Approach = "top") -> Iterator
                     yield Grasp(_from_side(part, yaw, tilt, depth), width + 2 * CLEARANCE)
 
 
-def _on_mesh(shape: Shape, opening: float, approach: Approach) -> Iterator[Grasp]:
+@lru_cache
+def _on_mesh(parts: tuple[Part, ...], opening: float, approach: Approach) -> tuple[Grasp, ...]:
+    """Return the grasps of a mesh; this takes 50 ms, and things are often alike."""
+    shape = Shape(parts)
     solid = to_trimesh(shape)
+    found = []
     column = Part("cylinder", (opening / 2, shape.height), (0.0, 0.0, shape.height / 2))
     for yaw, _, _ in _closings(column):
         tools = [_from_top(column, yaw)] if approach != "side" else []
         if approach != "top" and shape.height >= SIDE_HEIGHT + TIP:
             tools += [_from_side(column, yaw, tilt, 0.0) for tilt in (0.0, SIDE_TILT)]
-        yield from (grasp for tool in tools if (grasp := _close(solid, tool, opening)))
+        found += [grasp for tool in tools if (grasp := _close(solid, tool, opening))]
+    return tuple(found)
 
 
 def _close(solid: trimesh.Trimesh, tool: Array, opening: float) -> Grasp | None:
