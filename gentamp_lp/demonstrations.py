@@ -252,7 +252,8 @@ def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Se
     digest = hashlib.sha256(repr((gentamp_lp.__version__, seed, robot, around, [str(s) for s in sizes])).encode())
     code = Path(__file__).parent
     sources = [p for kind in ("py", "yaml") for p in code.rglob(f"*.{kind}")]
-    for path in [task.path, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
+    given = getattr(task.scene, "files", [])
+    for path in [task.path, *given, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
         digest.update(path.read_bytes())
     return Path(
         platformdirs.user_cache_dir("gentamp-lp"),

@@ -38,6 +38,14 @@ class InputError(GentampError):
         super().__init__("\n".join(str(d) for d in self.diagnostics))
 
 
+class SceneError(InputError):
+    """What a task's `scene:` asks for cannot be; `location` holds the keys below `scene:` that lead to the place."""
+
+    def __init__(self, message: str, location: tuple[str | int, ...], *, hint: str | None = None) -> None:
+        super().__init__(Diagnostic(message, hint=hint))
+        self.location = location
+
+
 class NoAnswer(GentampError):
     """A true negative: no policy or no plan exists (within what was sampled), or a plan is invalid."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.scalarstring import LiteralScalarString
 
 from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
-from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.errors import Diagnostic, InputError, SceneError
 from gentamp_lp.pool import find_grammar
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.facts import FactBase
@@ -140,11 +140,18 @@ class Task:
         return ["-".join(str(n + (p == q)) for q, n in largest.items()) for p in largest]
 
     def instance(self, size: int | str, seed: int, *, robot: str | None = None) -> Instance:
-        """Draw the instance of this size and seed. Raises NoAnswer when the scene cannot be built."""
+        """Draw the instance of this size and seed.
+
+        Raises NoAnswer when the scene cannot be built, InputError when the robot could not handle it anyway.
+        """
         rng = np.random.default_rng([seed, 0])
         parameters = self.parameters(size, rng)
         code = self.folder.code
-        world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
+        try:
+            world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
+        except SceneError as error:
+            line = _line(_read_yaml(self.path), ("scene", *error.location))
+            raise InputError(*(replace(d, path=self.path, line=line) for d in error.diagnostics)) from None
         generators = code.stream_map(world, seed)
         check_stream_map(self.folder, generators)
         sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)
@@ -201,7 +208,7 @@ def _read_yaml(path: Path) -> Any:
 
 def _validate(model: Any, value: Any, root: Any, path: Path, prefix: tuple[str, ...]) -> Any:
     try:
-        return model.model_validate(value)
+        return model.model_validate(value, context={"folder": path.parent})
     except ValidationError as error:
         raise InputError(
             *(

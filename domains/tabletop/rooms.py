@@ -50,14 +50,18 @@ def table(x: Span, y: Span, above: float = 0.0) -> tuple[Shape, Array]:
 
 
 def parking(robot: Mobile, x: Span, y: Span, rng: np.random.Generator) -> Iterator[Base]:
-    """Places to stand in front of an area: the middle of each side, the nearest to the origin first, then any."""
+    """Places to stand in front of an area: the middle of each side, the nearest to the origin first, then any.
+
+    "Middle" is meant of the arm, which may be off the middle of the robot.
+    """
 
     def at(side: int, along: float, distance: float) -> Base:
         yaw = side * math.pi / 2
         half = ((x[1] - x[0]) / 2, (y[1] - y[0]) / 2)
         deep, wide = half if side % 2 == 0 else half[::-1]
         centre = pose((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, 0.0, yaw)
-        x0, y0 = (centre @ [-deep - distance, along * wide, 0.0, 1.0])[:2]
+        across = min(max(along * wide - robot.aside, -wide), wide)
+        x0, y0 = (centre @ [-deep - distance, across, 0.0, 1.0])[:2]
         return Base(np.array([x0, y0, math.remainder(yaw, 2 * math.pi)]))
 
     middles = [at(side, 0.0, robot.stance) for side in range(4)]

@@ -13,12 +13,12 @@ from gentamp_lp.geometry import mobile
 from gentamp_lp.geometry.collision import Swept, collide
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.robots import Robot, Trajectory
-from gentamp_lp.geometry.shapes import GAP, Shape
-from gentamp_lp.geometry.transforms import Array, pose
+from gentamp_lp.geometry.shapes import Shape
+from gentamp_lp.geometry.transforms import Array
 from gentamp_lp.streams.language import Generator, from_gen_fn, from_test
 
 from . import rooms
-from .scene import Placement, World, uniform_placements
+from .scene import Placement, World, cell_placements, serves, uniform_placements
 
 _REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and grasp are given up
 
@@ -61,7 +61,7 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         generator = rng("placement", name, support)
         while True:
             for placement in uniform_placements(world.supports[support].area, generator):
-                if world.fits(name, support, placement):
+                if world.fits(name, support, placement) and serves(world, name, support, placement, generator):
                     yield (placement,)
 
     def sample_cell(_: str, support: str) -> Iterator[tuple[Placement]]:
@@ -136,15 +136,6 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         "test-cfree": from_test(cfree),
         "test-reach-cfree": from_test(reach_cfree),
     }
-
-
-def cell_placements(world: World, support: str) -> Iterator[Placement]:
-    """The cells of a tray, from the end away from its handle; each holds one thing."""
-    cells, side = world.cells[support]
-    interior = world.shapes[support].interior
-    assert interior is not None
-    for index in range(cells):
-        yield Placement(support, pose((index - (cells - 1) / 2) * side, 0.0, interior[2] + GAP))
 
 
 def _known(base: rooms.Base) -> tuple[int, ...]:

@@ -11,17 +11,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationInfo, field_validator, model_validator
 
-from gentamp_lp.errors import NoAnswer
+from gentamp_lp.errors import NoAnswer, SceneError
+from gentamp_lp.geometry import meshes
+from gentamp_lp.geometry.assets import find_mesh
 from gentamp_lp.geometry.collision import Swept, collide
 from gentamp_lp.geometry.grasping import Approach, Grasp
 from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.robots import Robot, Trajectory, make_robot
-from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
+from gentamp_lp.geometry.shapes import BLUE, GAP, Part, Rgba, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import Array, pose
 
 from . import rooms
@@ -33,7 +36,8 @@ Trait = Literal["Block", "Tray", "Mug", "Table", "Region", "Red", "Green", "Blue
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
 PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
 _TRIES = 400  # draws of a place before an instance is called impossible
-_LAYOUTS = 2000  # draws of a whole layout before that
+_AGAIN = 5  # draws of the places of all things of a group before that
+_LAYOUTS = 2000  # draws of a whole layout with things in the way before that
 
 
 class _Section(BaseModel):
@@ -80,23 +84,65 @@ class ShapeOption(_Section):
     box: tuple[Length, Length, Length] | None = None
     cylinder: tuple[Length, Length] | None = None
     tray: TrayShape | None = None
+    mesh: MeshShape | None = None
 
     @model_validator(mode="after")
     def _one(self) -> ShapeOption:
-        if sum(option is not None for option in (self.box, self.cylinder, self.tray)) != 1:
-            raise ValueError("give exactly one of box, cylinder, tray")
+        if sum(option is not None for option in (self.box, self.cylinder, self.tray, self.mesh)) != 1:
+            raise ValueError("give exactly one of box, cylinder, tray, mesh")
         return self
 
 
 class TrayShape(_Section):
     """A tray with a row of `cells` square cells of side `cell`.
 
-    `exact`: no more than `cells` of the things that may go there fit on it, however they are put.
+    `exact`: no more than `cells` of the things that may go there fit on it, however they are put. `mesh`: what it looks
+    like (see MeshShape), a flat plate if not given.
     """
 
     cells: Count
     cell: float = Field(gt=0)
     exact: bool = False
+    mesh: Path | None = None
+
+    @field_validator("mesh")
+    @classmethod
+    def _found(cls, file: Path, info: ValidationInfo) -> Path:
+        path = find_mesh(str(file), (info.context or {}).get("folder", Path()))
+        meshes.tray_mesh(path, 1.0, 1.0)
+        return path
+
+    def shape(self, cells: int) -> Shape:
+        """A tray for so many things."""
+        length, width = cells * self.cell, self.cell
+        return tray(length, width) if self.mesh is None else meshes.tray_mesh(self.mesh, length, width)
+
+
+class MeshShape(_Section):
+    """A mesh: an .obj or .stl `file` beside the task file or in an installed package, times `scale` in metres.
+
+    It stands with the direction `up` of its own frame upwards, and collides as its convex hull or, more exactly and
+    more slowly, as convex pieces.
+    """
+
+    file: Path
+    scale: Length = 1.0
+    up: meshes.Vector = (0.0, 0.0, 1.0)
+    collision: meshes.Collision = "hull"
+
+    @field_validator("file")
+    @classmethod
+    def _found(cls, file: Path, info: ValidationInfo) -> Path:
+        return find_mesh(str(file), (info.context or {}).get("folder", Path()))
+
+    @model_validator(mode="after")
+    def _stands(self) -> MeshShape:
+        self.shape(min(self.scale) if isinstance(self.scale, tuple) else self.scale)
+        return self
+
+    def shape(self, scale: float, rgba: Rgba = BLUE) -> Shape:
+        """The shape at a scale. Raises ValueError for an unusable file."""
+        return meshes.mesh(self.file, scale, self.up, self.collision, rgba)
 
 
 class Towers(_Section):
@@ -178,6 +224,13 @@ class Scene(_Section):
 
     supports: Mapping[str, Support]
     things: tuple[Things, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the scene is made from."""
+        options = [option for group in self.things for option in group.shapes]
+        found = [option.mesh.file if option.mesh else option.tray and option.tray.mesh for option in options]
+        return [file for file in found if file]
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
@@ -279,7 +332,8 @@ class World:
 def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.random.Generator) -> World:
     """Draw a collision-free world in which the robot can reach every thing where it stands.
 
-    Raises NoAnswer with the reason when none was found, KeyError for an unknown size parameter.
+    Raises NoAnswer with the reason when none was found, SceneError for a shape that the robot cannot grasp, KeyError
+    for an unknown size parameter.
     """
     supports = scene.supports
     if (body := _robot(robot)).flies:
@@ -293,14 +347,17 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
         world.static += [(trait.lower(), name) for trait in ("Surface", *support.traits)]
         world.static += [("fixed", name, f"at_{name}"), ("stand", name, f"at_{name}")]
     members: dict[str, list[str]] = {}
-    for group in scene.things:
+    for number, group in enumerate(scene.things):
         count = _count(group.count, parameters)
         names = [group.name] if group.count == 1 else [f"{group.name}{i + 1}" for i in range(count)]
         members[group.name] = names
         for index, name in enumerate(names):
             world.values[name] = name
-            world.shapes[name] = _shape(group, index, name, world, parameters, rng)
+            option = int(rng.integers(len(group.shapes)))
+            world.shapes[name] = _shape(group, option, index, name, world, parameters, rng)
             world.grasps[name] = list(world.robot.grasps(world.shapes[name], group.grasp))
+            if not world.grasps[name]:
+                raise _no_grasp(world, name, group, ("things", number, "shapes", option))
             world.static += [(trait.lower(), name) for trait in ("Movable", *group.traits)]
         _arrange(world, group, names, rng)
     for group in scene.things:
@@ -333,6 +390,8 @@ def _check_capacity(world: World, trays: Sequence[str], riders: Sequence[str]) -
     Each thing holds an upright cylinder as wide as its shorter side; the tightest row of those in the tray is a zigzag.
     """
     widths = sorted(min(world.shapes[name].extent[:2]) for name in riders)
+    if any(world.shapes[name].meshed for name in riders):
+        raise NoAnswer("how many meshes a tray holds is not proved: leave out `exact`, or take boxes and cylinders")
     for name in trays:
         cells, side = world.cells[name]
         if any(max(world.shapes[rider].extent[:2]) > side for rider in riders):
@@ -368,13 +427,14 @@ def _number(value: float | Span, rng: np.random.Generator) -> float:
 
 def _shape(
     group: Things,
+    choice: int,
     index: int,
     name: str,
     world: World,
     parameters: Mapping[str, int],
     rng: np.random.Generator,
 ) -> Shape:
-    option = group.shapes[int(rng.integers(len(group.shapes)))]
+    option = group.shapes[choice]
     colour = next((COLOURS[t] for t in group.traits if t in COLOURS), PALETTE[index % len(PALETTE)])
     if option.box is not None:
         x, y, z = (_number(v, rng) for v in option.box)
@@ -382,10 +442,23 @@ def _shape(
     if option.cylinder is not None:
         radius, height = (_number(v, rng) for v in option.cylinder)
         return cylinder(radius, height, colour)
+    if option.mesh is not None:
+        return option.mesh.shape(_number(option.mesh.scale, rng), colour)
     assert option.tray is not None
     cells = _count(option.tray.cells, parameters)
     world.cells[name] = (cells, option.tray.cell)
-    return tray(cells * option.tray.cell, option.tray.cell)
+    return option.tray.shape(cells)
+
+
+def _no_grasp(world: World, name: str, group: Things, location: tuple[str | int, ...]) -> SceneError:
+    """What to say of a thing that cannot be grasped."""
+    size = " x ".join(f"{length:.3f}" for length in world.shapes[name].extent)
+    way = "" if group.grasp == "any" else f" from the {group.grasp}"
+    return SceneError(
+        f"`{name}`, {size} m, cannot be grasped{way} by a gripper that opens to {world.robot.opening:.3f} m",
+        location,
+        hint="make it smaller (a mesh by its `scale`), or change `grasp` or the robot",
+    )
 
 
 def _arrange(world: World, group: Things, names: list[str], rng: np.random.Generator) -> None:
@@ -399,12 +472,11 @@ def _arrange(world: World, group: Things, names: list[str], rng: np.random.Gener
         case Scatter() as scatter:
             area = scatter.area or world.supports[scatter.support].area
             if scatter.in_the_way is None:
-                for name in names:
-                    _stand(world, name, _draw(world, name, scatter.support, area, scatter.gap, rng), scatter.support)
+                layout = _scattered(world, names, scatter, area, rng)
             else:
                 layout = _layout(world, names, scatter.in_the_way, area, scatter.gap, rng)
-                for name, placement in layout.items():
-                    _stand(world, name, placement, scatter.support)
+            for name, placement in layout.items():
+                _stand(world, name, placement, scatter.support)
         case Towers() as towers:
             _build_towers(world, towers, names, rng)
 
@@ -423,17 +495,52 @@ def _build_towers(world: World, towers: Towers, names: list[str], rng: np.random
             if height < towers.max_height and reachable(world, name, placement, rng):
                 _stand(world, name, placement, below)
                 tops[choice] = (name, height + 1)
+                if not world.shapes[name].carries:
+                    tops.pop(choice)
                 continue
-        _stand(world, name, _draw(world, name, towers.support, area, towers.gap, rng), towers.support)
-        tops.append((name, 1))
+        found = _draw(world, name, towers.support, area, towers.gap, world.start, rng)
+        if found is None:
+            raise _nowhere(name)
+        _stand(world, name, found, towers.support)
+        if world.shapes[name].carries:
+            tops.append((name, 1))
 
 
-def _draw(world: World, name: str, support: str, area: Area, gap: float, rng: np.random.Generator) -> Placement:
+def _scattered(
+    world: World, names: Sequence[str], scatter: Scatter, area: Area, rng: np.random.Generator
+) -> dict[str, Placement]:
+    """A free reachable place for each thing, one after the other; where one finds none, all are drawn again."""
+    for _ in range(_AGAIN):
+        layout: dict[str, Placement] = {}
+        for name in names:
+            there = world.start | layout
+            placement = _draw(world, name, scatter.support, area, scatter.gap, there, rng)
+            if placement is None:
+                break
+            layout[name] = placement
+        else:
+            return layout
+    raise _nowhere(name)
+
+
+def _nowhere(name: str) -> NoAnswer:
+    return NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
+
+
+def _draw(
+    world: World,
+    name: str,
+    support: str,
+    area: Area,
+    gap: float,
+    there: Mapping[str, Placement],
+    rng: np.random.Generator,
+) -> Placement | None:
     for placement in uniform_placements(area, rng):
         whole = world.fits(name, support, placement)
-        if whole and _free(world, world.start, name, placement, gap) and reachable(world, name, placement, rng):
+        if whole and _free(world, there, name, placement, gap) and reachable(world, name, placement, rng):
             return placement
-    raise NoAnswer(f"no free reachable place for `{name}` among {_TRIES} draws: ask for fewer or smaller things")
+    return None
 
 
 def _layout(
@@ -500,12 +607,41 @@ def _inflated(shape: Shape, gap: float) -> Shape:
 
 
 def reachable(world: World, name: str, placement: Placement, rng: np.random.Generator) -> bool:
-    """Whether some grasp of the thing can be reached where it stands (other things not considered)."""
-    for grasp in world.grasps[name]:
-        tool = placement.transform @ grasp.tool
-        if world.robot.reach_from(world.base.place, tool, grasp.opening, rng) is not None:
-            return True
-    return False
+    """Whether some grasp of the thing can be reached where it stands (other things not considered).
+
+    A robot that drives must find it twice: it comes back, and then chance must not decide.
+    """
+    return _reached(world, name, placement, world.base, rng, times=1 + world.robot.mobile)
+
+
+def serves(world: World, name: str, support: str, placement: Placement, rng: np.random.Generator) -> bool:
+    """Whether an arm that drives reaches what stands in each cell of a tray, from the first place at the support."""
+    if name not in world.cells or not isinstance(world.robot, Mobile) or world.robot.arm.flies:
+        return True
+    base = next((base for base in islice(world.parkings(support, rng), _TRIES) if base), None)
+    riders = [fact[1] for fact in world.static if fact[0] == "stackable" and fact[2] == name]
+    cells = (Placement("world", placement.transform @ cell.transform) for cell in cell_placements(world, name))
+    return base is not None and all(_reached(world, rider, cell, base, rng) for cell in cells for rider in riders[:1])
+
+
+def cell_placements(world: World, support: str) -> Iterator[Placement]:
+    """The cells of a tray, from the end away from its handle; each holds one thing."""
+    cells, side = world.cells[support]
+    interior = world.shapes[support].interior
+    assert interior is not None
+    for index in range(cells):
+        yield Placement(support, pose((index - (cells - 1) / 2) * side, 0.0, interior[2] + GAP))
+
+
+def _reached(
+    world: World, name: str, placement: Placement, base: rooms.Base, rng: np.random.Generator, times: int = 1
+) -> bool:
+    """Whether inverse kinematics finds, so many times in a row, an approach for some grasp of a thing."""
+
+    def reach(grasp: Grasp) -> Trajectory | None:
+        return world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+
+    return any(all(reach(grasp) for _ in range(times)) for grasp in world.grasps[name])
 
 
 def _stand(world: World, name: str, placement: Placement, support: str) -> None:

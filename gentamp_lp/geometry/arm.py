@@ -94,6 +94,11 @@ class Arm(Robot):
         """Free the PyBullet world."""
         self._bullet.close()
 
+    @property
+    def hand(self) -> list[int]:
+        """Positions of the links behind the last joint."""
+        return np.flatnonzero(self._behind == self.chain.dof).tolist()
+
     def tools(self, configurations: Array) -> Array:
         """Return the tool poses (n, 4, 4) of configurations (n, dof)."""
         return self.chain.tool(configurations)
@@ -116,7 +121,7 @@ class Arm(Robot):
         poses = approach_poses(tool_pose)
         if (space := self.description.workspace) is not None:
             last_joint = (poses[[0, -1]] @ inverse(self.chain.tip))[:, :3, 3]
-            if np.linalg.norm(last_joint - space.centre, axis=1).max() > space.radius:
+            if not space.holds(last_joint):
                 return None
         for _ in range(ROUNDS):
             for candidate in self._solutions(tool_pose, rng):

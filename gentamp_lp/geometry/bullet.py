@@ -20,7 +20,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from gentamp_lp.geometry.shapes import Rgba, Shape
+from gentamp_lp.geometry.shapes import Hull, Rgba, Shape
 from gentamp_lp.geometry.transforms import Array, quaternion, rotation
 
 _NO_INERTIA = re.compile(r"b3Warning\[[^]]*BulletUrdfImporter[^]]*\]:\n\w[^\n]*?(?=b3Warning|\n|\Z)")  # of mere frames
@@ -28,8 +28,8 @@ _CHATTER = ("pybullet build time", "argv[0]=", "startThreads", "started thread")
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Hold back what the process writes meanwhile; afterwards pass all but known chatter to stderr."""
+def _quiet(*, wholly: bool = False) -> Iterator[None]:
+    """Hold back what the process writes meanwhile; afterwards pass all but known chatter to stderr, unless `wholly`."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)
@@ -44,7 +44,7 @@ def _quiet() -> Iterator[None]:
             for descriptor, copy in zip((1, 2), saved, strict=True):
                 os.dup2(copy, descriptor)
                 os.close(copy)
-            held.seek(0)
+            held.seek(0, os.SEEK_END if wholly else os.SEEK_SET)
             for line in _NO_INERTIA.sub("", held.read().decode(errors="replace")).splitlines():
                 if line.strip() and not line.startswith(_CHATTER):
                     print(line, file=sys.stderr)  # noqa: T201
@@ -52,6 +52,8 @@ def _quiet() -> Iterator[None]:
 
 with _quiet():
     import pybullet
+
+_CONCAVITY, _VOXELS = 0.005, 100_000  # of a convex decomposition: how deep a piece may be hollow, share of the whole
 
 
 @dataclass(frozen=True)
@@ -114,31 +116,47 @@ class Bullet(Closing):
 
     def add(self, shape: Shape, pose: Array) -> int:
         """Add the solid parts of a shape as one movable, massless body and return it."""
-        kinds = {"box": pybullet.GEOM_BOX, "cylinder": pybullet.GEOM_CYLINDER}
-        boxes = [[s / 2 for s in p.size] if p.kind == "box" else [0.0] * 3 for p in shape.parts]
-        rounds = [(0.0, 0.0) if p.kind == "box" else (p.size[0], p.size[1]) for p in shape.parts]
-        pieces: dict[str, Any] = {
-            "shapeTypes": [kinds[p.kind] for p in shape.parts],
-            "halfExtents": boxes,
-            "radii": [radius for radius, _ in rounds],
-            "lengths": [height for _, height in rounds],
-        }
+        kinds = {"box": pybullet.GEOM_BOX, "cylinder": pybullet.GEOM_CYLINDER, "hull": pybullet.GEOM_MESH}
+        rounds = [(p.size[0], p.size[1]) if p.kind == "cylinder" else (0.0, 0.0) for p in shape.parts]
         positions = [p.pose[:3, 3].tolist() for p in shape.parts]
         turns = [quaternion(p.pose).tolist() for p in shape.parts]
-        collision = pybullet.createCollisionShapeArray(
-            **pieces,
-            collisionFramePositions=positions,
-            collisionFrameOrientations=turns,
-            physicsClientId=self.client,
-        )
-        visual = pybullet.createVisualShapeArray(
-            **pieces,
-            rgbaColors=[shape.rgba] * len(shape.parts),
-            visualFramePositions=positions,
-            visualFrameOrientations=turns,
-            physicsClientId=self.client,
-        )
-        return self._body(collision, visual, pose)
+        with tempfile.TemporaryDirectory() as folder, _quiet():
+            pieces: dict[str, Any] = {
+                "shapeTypes": [kinds[p.kind] for p in shape.parts],
+                "halfExtents": [[s / 2 for s in p.size] if p.kind == "box" else [0.0] * 3 for p in shape.parts],
+                "radii": [radius for radius, _ in rounds],
+                "lengths": [height for _, height in rounds],
+                "fileNames": [_write(p.hull, Path(folder)) if p.hull else "" for p in shape.parts],
+                "meshScales": [[1.0] * 3] * len(shape.parts),
+            }
+            collision = pybullet.createCollisionShapeArray(
+                **pieces,
+                collisionFramePositions=positions,
+                collisionFrameOrientations=turns,
+                physicsClientId=self.client,
+            )
+            if shape.look is not None:
+                visual = pybullet.createVisualShape(
+                    pybullet.GEOM_MESH,
+                    fileName=str(shape.look.file),
+                    meshScale=[shape.look.scale] * 3,
+                    rgbaColor=shape.rgba,
+                    visualFramePosition=shape.look.pose[:3, 3].tolist(),
+                    visualFrameOrientation=quaternion(shape.look.pose).tolist(),
+                    physicsClientId=self.client,
+                )
+            else:
+                visual = pybullet.createVisualShapeArray(
+                    **pieces,
+                    rgbaColors=[shape.rgba] * len(shape.parts),
+                    visualFramePositions=positions,
+                    visualFrameOrientations=turns,
+                    physicsClientId=self.client,
+                )
+        body = self._body(collision, visual, pose)
+        if any(p.hull for p in shape.parts):  # PyBullet makes hulls thicker by 1 mm if it is not told otherwise
+            pybullet.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=self.client)
+        return body
 
     def add_hull(self, vertices: Array, rgba: Rgba, pose: Array, look: Path | None = None) -> int:
         """Add the convex hull of vertices (n, 3) as a movable, massless body and return it.
@@ -274,3 +292,33 @@ class Bullet(Closing):
         pixels = np.reshape(np.asarray(image[2], dtype=np.uint8), (view.height, view.width, 4))[:, :, :3]
         nothing = np.reshape(np.asarray(image[4]), (view.height, view.width)) < 0
         return np.where(nothing[:, :, None], np.array(view.background, dtype=np.uint8), pixels)
+
+
+def _write(hull: Hull, folder: Path) -> str:
+    """Write a hull for PyBullet to read; its name is its own, as PyBullet remembers files by their names."""
+    path = folder / f"{hull.digest}.obj"
+    _write_obj(path, hull.vertices, hull.faces)
+    return str(path)
+
+
+def _write_obj(path: Path, vertices: Array, faces: np.ndarray[Any, Any]) -> None:
+    lines = [*(f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist())]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def decompose(vertices: Array, faces: np.ndarray[Any, Any]) -> list[Array]:
+    """Return the vertices (n, 3) of convex pieces that together make up a mesh, by V-HACD, which uses no chance."""
+    with tempfile.TemporaryDirectory() as folder:
+        given, found, log = (Path(folder, name) for name in ("given.obj", "found.obj", "log.txt"))
+        _write_obj(given, vertices, faces)
+        with _quiet(wholly=True):
+            pybullet.vhacd(str(given), str(found), str(log), concavity=_CONCAVITY, resolution=_VOXELS)
+        pieces: list[list[list[float]]] = []
+        for line in found.read_text(encoding="utf-8").splitlines():
+            kind, *numbers = line.split()
+            if kind == "o":
+                pieces.append([])
+            elif kind == "v":
+                pieces[-1].append([float(n) for n in numbers])
+    return [np.array(piece) for piece in pieces]

@@ -42,6 +42,8 @@ def convex(vertices: Array, faces: Sequence[Sequence[int]] | np.ndarray[Any, Any
 @lru_cache(maxsize=4096)
 def geometry(part: Part) -> Geometry:
     """Return the FCL geometry of a part, centred at the part's own centre."""
+    if part.hull is not None:
+        return convex(part.hull.vertices, part.hull.faces)
     return fcl.Box(*part.size) if part.kind == "box" else fcl.Cylinder(*part.size)
 
 
@@ -71,16 +73,8 @@ def collide(shape_a: Shape, pose_a: Array, shape_b: Shape, pose_b: Array, *, env
 
 def hits_table(shape: Shape, pose: Array) -> bool:
     """Tell whether a placed shape reaches below the top of the fixed table, the plane z = 0."""
-    for part in shape.parts:
-        frame = pose @ part.pose
-        if part.kind == "box":
-            down = float(np.abs(frame[2, :3]) @ np.array(part.size)) / 2
-        else:
-            radius, height = part.size
-            down = float(radius * np.hypot(frame[2, 0], frame[2, 1]) + height / 2 * abs(frame[2, 2]))
-        if frame[2, 3] - down < 0:
-            return True
-    return False
+    frames = ((part, pose @ part.pose) for part in shape.parts)
+    return any(frame[2, 3] - part.below(frame) < 0 for part, frame in frames)
 
 
 class _Uninterrupted:

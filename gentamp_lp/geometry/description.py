@@ -55,10 +55,20 @@ class Finger(_Section):
 
 
 class Workspace(_Section):
-    """A ball (m, frame of the root link) that the last joint cannot leave; targets outside are refused at once."""
+    """A ball (m, z = 0 is the table top) that the last joint cannot leave; targets outside are refused at once.
+
+    `lift`: where the arm is on a torso that rises, the centre rises with it, by so much (m).
+    """
 
     centre: Vector
     radius: float = Field(gt=0)
+    lift: float = Field(0.0, ge=0)
+
+    def holds(self, points: Array) -> bool:
+        """Whether all points (n, 3) are inside."""
+        nearest = np.repeat(np.array([self.centre]), len(points), axis=0)
+        nearest[:, 2] += np.clip(points[:, 2] - nearest[:, 2], 0.0, self.lift)
+        return bool((np.linalg.norm(points - nearest, axis=1) <= self.radius).all())
 
 
 class Box(_Section):
@@ -71,10 +81,12 @@ class Box(_Section):
 class Drive(_Section):
     """A base that drives.
 
-    Things should be `stance` (m) in front of it; `platform` is its body, where the URDF has none.
+    Things should be `stance` (m) in front of it and `aside` (m) to its left; `platform` is its body, where the URDF
+    has none.
     """
 
     stance: float = Field(gt=0)
+    aside: float = 0.0
     platform: Box | None = None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,8 +22,8 @@ _STEP, _TURN = 0.02, 0.03  # the base stops every 2 cm and 0.03 rad, the tool th
 class Mobile(Robot):
     """An arm on a base that drives in any direction; a configuration is x, y, yaw (m, rad), then the arm's own.
 
-    `stance` is how far (m) in front of the base things should be for the arm to reach them; `platform` is the body
-    that drives, in the base's frame, where the arm has none of its own.
+    `stance` and `aside` are how far (m) in front of the base and to its left things should be for the arm to reach
+    them; `platform` is the body that drives, in the base's frame, where the arm has none of its own.
     """
 
     mobile = True
@@ -30,7 +31,7 @@ class Mobile(Robot):
     def __init__(self, name: str, arm: Robot, base: Drive) -> None:
         self.name = name
         self.arm = arm
-        self.stance = base.stance
+        self.stance, self.aside = base.stance, base.aside
         self.opening = arm.opening
         self.home = np.concatenate([np.zeros(3), arm.home])
         self.platform = block("platform", base.platform.lower, base.platform.upper) if base.platform else None
@@ -40,6 +41,11 @@ class Mobile(Robot):
     def close(self) -> None:
         """Free what the arm holds."""
         self.arm.close()
+
+    @property
+    def hand(self) -> Sequence[int]:
+        """Positions of the links that move with the arm's tool."""
+        return self.arm.hand
 
     def tools(self, configurations: Array) -> Array:
         """Return the tool poses (n, 4, 4) of configurations (n, 3 + dof of the arm)."""

@@ -337,10 +337,6 @@ class Replay(Closing):
             return abs(z - top) <= RESTING and abs(x) <= length / 2 and abs(y) <= width / 2
         for part in below.shape.parts:
             px, py, pz = (float(v) for v in (inverse(part.pose) @ [x, y, z, 1.0])[:3])
-            if part.kind == "box":
-                over = abs(px) <= part.size[0] / 2 and abs(py) <= part.size[1] / 2
-            else:
-                over = math.hypot(px, py) <= part.size[0]
-            if over and abs(float(pz) - part.height / 2) <= RESTING:
+            if abs(pz - part.height / 2) <= RESTING and part.carries(px, py):
                 return True
         return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -123,7 +123,25 @@ class Robot(ABC):
 
     def grasps(self, shape: Shape, approach: Approach = "top") -> Iterator[Grasp]:
         """Yield the grasps of a shape that fit the gripper, always in the same order."""
-        return grasps(shape, self.opening, approach)
+        found = grasps(shape, self.opening, approach)
+        return (grasp for grasp in found if self._clear_of(shape, grasp)) if shape.meshed else found
+
+    @property
+    def hand(self) -> Sequence[int]:
+        """Positions of the links that move with the tool."""
+        return range(len(self.links))
+
+    def _clear_of(self, shape: Shape, grasp: Grasp) -> bool:
+        """Whether the hand comes straight to a grasp without touching the shape (whose frame is the world's)."""
+        tool = self.tool(self.home)
+        frames = grasp.tool @ inverse(tool) @ self.frames(self.home[None], grasp.opening)[0, list(self.hand)]
+        steps = -np.linspace(0.0, STANDOFF, STEPS + 1)[:, None] * grasp.tool[:3, 2]
+        links = [
+            fcl.CollisionObject(self.links[link].geometry, fcl.Transform(frame[:3, :3], frame[:3, 3] + step))
+            for link, frame in zip(self.hand, frames, strict=True)
+            for step in steps
+        ]
+        return not Swept(links).hits(shape, np.eye(4))
 
     # volumes
 
