@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gentamp_lp.errors import LimitReached, NoAnswer
-from gentamp_lp.features import Features, matches_effects, valuation
+from gentamp_lp.features import Features, effect_of, valuation
 from gentamp_lp.policy import AbstractAction, Policy
 from gentamp_lp.streams.facts import Args, Fact, FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, atoms, conjuncts, free_variables, normalize
@@ -179,7 +179,7 @@ class GuidedPlanner:
         while True:
             self._check_time()
             if len(choices) < len(states):
-                if not any(self._goal.counts().values()):
+                if not any(self._goal.positive().values()):
                     return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
                 choices.append(self._expand(states[-1]))
             following = next((move for move in choices[-1] if move.successor not in visited), None)
@@ -223,7 +223,7 @@ class GuidedPlanner:
 
     def _expand(self, state: State) -> Iterator[_Move]:
         """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others."""
-        rule = self.policy.rule_for(valuation(self._values.counts()))
+        rule = self.policy.rule_for(self._values.positive())
         if rule is None:
             return
         action = self.actions[rule.action]
@@ -269,11 +269,16 @@ class GuidedPlanner:
 
     def _accept(self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction) -> Toggles | None:
         """What a step changes if it has the abstract effect and leads where the policy knows what to do next."""
-        before = self._values.counts()
-        after, toggles = self._values.peek(added, deleted)
-        if not matches_effects(action.effects, self.kinds, before, after):
-            return None
-        if self.policy.rule_for(valuation(after)) or not any(self._goal.peek(added, deleted)[0].values()):
+        after: dict[str, bool] = {}
+        toggles: Toggles = {}
+        for name, change in self._values.peek(added, deleted, toggles):
+            after[name] = change.after
+            if action.effects.get(name) != effect_of(self.kinds[name], *change):
+                return None
+        if self.policy.rule_for(after) or not any(c.after for _, c in self._goal.peek(added, deleted, {})):
             return toggles
-        self._strays[state] = after
+        if state not in self._strays:
+            self._change(added, deleted)
+            self._strays[state] = self._values.counts()
+            self._change(deleted, added)
         return None

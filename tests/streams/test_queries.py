@@ -132,15 +132,20 @@ def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
             added, deleted = situation.effects(DOMAIN.action(step.schema), step.args)
             assert (states[-1] - set(deleted)) | set(added) == successor
             assert not set(added) & states[-1] and set(deleted) <= states[-1]
-            foretold, toggles = watches.peek(added, deleted)
-            assert foretold == expected(successor)
-            assert situation.state() == states[-1] and watches.counts() == expected(states[-1])
+            toggles = {}
+            here, there = expected(states[-1]), expected(successor)
+            for name, change in watches.peek(added, deleted, toggles):
+                sign = (there[name] > here[name]) - (there[name] < here[name])
+                assert change == (here[name] > 0, there[name] > 0, sign)
+            assert situation.state() == states[-1] and watches.counts() == here
             situation.change(added, deleted)
             watches.change(added, deleted, toggles if number % 2 else None)
             states.append(successor)
             done.append((added, deleted))
         assert situation.state() == states[-1]
-        assert watches.counts() == expected(states[-1])
+        counts = expected(states[-1])
+        assert watches.positive() == {name: count > 0 for name, count in counts.items()}
+        assert watches.counts() == counts
 
 
 def test_lazy_queries_draw_up_to_the_limit_and_remember():
