@@ -158,7 +158,12 @@ def test_lazy_queries_draw_up_to_the_limit_and_remember():
     for fact in (("e", "a"), ("e", "b"), ("r", "a", "a"), ("r", "b", "b")):
         base.add(fact)
     limits = {"make": 3}
-    situation = Situation(PROGRAM, base, frozenset({("p", "a")}), limits.__getitem__)
+
+
+    def spent(stream, inputs):
+        return base.exhausted(stream, inputs) or base.drawn(stream, inputs) >= limits[stream.name]
+
+    situation = Situation(PROGRAM, base, frozenset({("p", "a")}), spent)
     formula = And((Atom("p", ("?x",)), Atom("made", ("?x", "?y"))))
     query = situation.query(formula, (), ("?x", "?y"), lazy=True)
     assert not list(situation.query(formula, (), ("?x",)).solutions())
