@@ -313,7 +313,7 @@ class GuidedPlanner:
     def _accept(
         self, here: _Expansion, added: list[Fact], deleted: list[Fact], action: AbstractAction, known: Args
     ) -> tuple[tuple[bool, ...], Toggles] | None:
-        """Where a step leads and what it changes, if it has the abstract effect and the policy knows what to do next."""
+        """Where a step leads and what it changes, if it has the abstract effect and the policy has a rule there."""
         after: dict[str, bool] = {}
         toggles: Toggles = {}
         for name, change in self._values.peek(added, deleted, toggles):

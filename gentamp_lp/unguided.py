@@ -26,17 +26,27 @@ def plan_unguided(
 
     Raises NoAnswer, LimitReached, SolverError; InputError when PDDLStream is missing.
     """
-    algorithm = algorithm or choose(instance)
     if engine == "pddlstream":
-        return _pddlstream(instance, algorithm, time_limit)
-    task = instance.task
-    if algorithm == "incremental":
+        return _pddlstream(instance, algorithm or choose(instance), time_limit)
+    problem = Problem(instance.task.program, instance.base, instance.state, instance.task.goal, Names())
+    return search_unguided(problem, instance, algorithm, time_limit, progress)
+
+
+def search_unguided(
+    problem: Problem,
+    instance: Instance,
+    algorithm: str | None,
+    time_limit: float,
+    progress: Callable[[str], None],
+) -> list[Step]:
+    """A plan for an instance's problem, which may be stated otherwise, by the embedded engine."""
+    if (algorithm or choose(instance)) == "incremental":
         return solve_incremental(
-            task.program, instance.base, instance.state, task.goal,
-            quota=task.file.samples, time_limit=time_limit, progress=progress,
+            problem.program, problem.base, problem.state, problem.goal,
+            quota=instance.task.file.samples, time_limit=time_limit, progress=progress,
         )  # fmt: skip
-    problem = Problem(task.program, instance.base, instance.state, task.goal, Names())
-    return Engine(problem, Options(time_limit=time_limit, seed=instance.seed, progress=progress)).solve().steps
+    options = Options(time_limit=time_limit, seed=instance.seed, progress=progress)
+    return Engine(problem, options).solve().steps
 
 
 def choose(instance: Instance) -> str:

@@ -50,7 +50,7 @@ def test_a_plan_may_use_two_draws_of_one_stream() -> None:
     assert len(grasps) > 1
     placed = first.base.draw(draw["sample-placement"], ("block1", "table"))[0]
     steps = []
-    for grasp, (start, end) in zip((grasps[-1], grasps[0]), (("at_block1", placed), (placed, "at_block1")), strict=True):
+    for grasp, start, end in ((grasps[-1], "at_block1", placed), (grasps[0], placed, "at_block1")):
         for name, at in (("pick", start), ("place", end)):
             inputs = ("block1", at, "table", "at_table", grasp, "at_base")
             (reach,) = first.base.draw(draw["sample-reach"], inputs)

@@ -158,7 +158,7 @@ class Query:
     def _remembering(self, goal: Formula, bound: frozenset[str]) -> Test:
         """The test of a conjunct; asked again and again with the same values, it looks once while nothing changes."""
         test, free = self._test(goal, bound), free_variables(goal)
-        if isinstance(goal, Atom) or isinstance(goal, Not) and isinstance(goal.body, Atom) or not free < bound:
+        if isinstance(goal, Atom) or (isinstance(goal, Not) and isinstance(goal.body, Atom)) or not free < bound:
             return test
         situation, key = self._situation, self._key(tuple(sorted(free)))
         answers: dict[Args, bool] = {}

@@ -159,7 +159,6 @@ def test_lazy_queries_draw_up_to_the_limit_and_remember():
         base.add(fact)
     limits = {"make": 3}
 
-
     def spent(stream, inputs):
         return base.exhausted(stream, inputs) or base.drawn(stream, inputs) >= limits[stream.name]
 
