@@ -10,7 +10,7 @@ when a round's budget is spent, the search restarts with larger sampling limits.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain
@@ -19,7 +19,19 @@ from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.features import Features, effect_of, valuation
 from gentamp_lp.policy import AbstractAction, Policy
 from gentamp_lp.streams.facts import Args, Fact, FactBase
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, atoms, conjuncts, free_variables, normalize
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Formula,
+    Not,
+    Or,
+    atoms,
+    conjuncts,
+    free_variables,
+    normalize,
+    substitute,
+)
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Stream
 from gentamp_lp.streams.queries import Query, Situation
 from gentamp_lp.streams.semantics import Program, State, Step, reads
@@ -34,10 +46,12 @@ class _Phases:
     """A schema's precondition in two parts: what decides the effects, and what is looked at when these are right.
 
     Conditions come late on parameters that no effect mentions and that only a stream can supply, and, unless features
-    run tests themselves, conditions that run tests.
+    run tests themselves, conditions that run tests. `needed` is what the wanted effects ask of the parameters.
     """
 
-    def __init__(self, schema: ActionSchema, program: Program, situation: Situation, tests_late: bool) -> None:
+    def __init__(
+        self, schema: ActionSchema, needed: Sequence[Atom], program: Program, situation: Situation, tests_late: bool
+    ) -> None:
         base, precondition = situation.base, program.preconditions[schema.name]
         postponed = _made(precondition, base) - _decisive(schema)
         parts = conjuncts(precondition)
@@ -46,7 +60,7 @@ class _Phases:
             for part in parts
             if free_variables(part) & postponed or (tests_late and reads(part, program) & base.tests.keys())
         )
-        early = And(tuple(part for part in parts if part not in late))
+        early = And((*needed, *(part for part in parts if part not in late)))
         self.schema = schema
         self.known = tuple(p for p in schema.parameters if p in free_variables(early))
         self.early: Query = situation.query(early, (), self.known, lazy=True)
@@ -159,7 +173,8 @@ class GuidedPlanner:
         self._goal = Watches(self._situation, _unmet(instance.task.goal))
         tested = {p for axiom in self.features.axioms for p in reads(axiom.body, self.program)} & self.base.tests.keys()
         self._settled = {stream.name: self._settled_by(stream) for stream in self.base.streams}
-        self._phases = cache(lambda name: _Phases(domain.action(name), self.program, self._situation, not tested))
+        self._tests_late = not tested
+        self._phases = cache(self._plan_phases)
 
     def solve(self, *, time_limit: float, max_rounds: int = 8) -> GuidedResult:
         """Follow the policy from the initial state to a goal.
@@ -190,6 +205,28 @@ class GuidedPlanner:
         spent = self.base.drawn(stream, inputs) >= limit
         here.short |= spent
         return spent
+
+    def _plan_phases(self, name: str, abstract: str) -> _Phases:
+        schema = self.program.domain.action(name)
+        needed = list(self._needed(schema, self.actions[abstract]))
+        return _Phases(schema, needed, self.program, self._situation, self._tests_late)
+
+    def _needed(self, schema: ActionSchema, action: AbstractAction) -> Iterator[Atom]:
+        """What the effects of an abstract action ask of an action's parameters: that what they make leave a feature's
+        extension is in it, and what they make enter is not.
+        """
+        for axiom in self.features.axioms:
+            effect = action.effects.get(axiom.head.predicate)
+            if effect is None or reads(axiom.body, self.program) & self.base.tests.keys():
+                continue
+            enters = effect in ("increase", "true")
+            rows = self._values.moved_by(axiom.head.predicate, schema, enters)
+            if not rows or not axiom.head.args:
+                continue
+            body = normalize(axiom.body)
+            options = [substitute(body, dict(zip(axiom.head.args, row, strict=True))) for row in sorted(rows)]
+            names = tuple(dict.fromkeys(name for row in sorted(rows) for name in row if name.startswith("?")))
+            yield self._situation.condition(Or(tuple(Not(o) if enters else o for o in options)), names)
 
     def _settled_by(self, stream: Stream) -> set[str]:
         """Features that read nothing of a stream's outputs but what is certified with them."""
@@ -268,7 +305,7 @@ class GuidedPlanner:
             here.short = False
             for name in action.schemas:
                 self._here = here
-                for move in self._moves(self._phases(name), action, here):
+                for move in self._moves(self._phases(name, action.name), action, here):
                     found = True
                     yield move
                     here.dead.add(move.outcome)

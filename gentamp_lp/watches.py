@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables
-from gentamp_lp.streams.pddl import Axiom
+from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import reads
 
@@ -43,6 +43,7 @@ class _Watch:
     `near` has, for a predicate, each occurrence: whether a new fact lets tuples in, and which tuples it concerns.
     """
 
+    variables: Args
     everything: Query
     member: Query
     lazy: bool
@@ -96,7 +97,7 @@ class Watches:
         variables, body = axiom.head.args, unfold(axiom.body, program)
         recursive = {a for a in atoms(body) if a.predicate in program.recursive}
         lazy = not recursive and self._tests(body)
-        watch = _Watch(situation.query(body, (), variables), situation.query(body, variables), lazy)
+        watch = _Watch(variables, situation.query(body, (), variables), situation.query(body, variables), lazy)
         watch.recursive = frozenset().union(*(reads(a, program) for a in recursive))
         for atom, positive, beside, tested in self._occurrences(body, True, ()):
             names = tuple(dict.fromkeys(a for a in atom.args if a.startswith("?")))
@@ -149,6 +150,22 @@ class Watches:
         """Follow the situation, which has just been changed; `toggles` are what `peek` said of this change."""
         self._some.clear()
         self._toggle(self._affected(added, deleted) if toggles is None else toggles)
+
+    def moved_by(self, name: str, schema: ActionSchema, entering: bool) -> set[Args] | None:
+        """Which tuples, in terms of an action's parameters, it can make enter (or leave) the extension of a formula.
+
+        None where that is not decided by the parameters alone.
+        """
+        watch = self._watches[name]
+        found: set[Args] = set()
+        for effect in schema.effects:
+            for lets_in, atom, _ in watch.near.get(effect.atom.predicate, ()):
+                if (lets_in == effect.positive) == entering:
+                    at = dict(zip(atom.args, effect.atom.args, strict=True))
+                    if watch.recursive or effect.variables or not at.keys() >= set(watch.variables):
+                        return None
+                    found.add(tuple(at[variable] for variable in watch.variables))
+        return None if watch.recursive else found
 
     def _count(self, watch: _Watch) -> int:
         return len(set(watch.everything.solutions())) if watch.lazy else len(watch.members)

@@ -69,7 +69,7 @@ def test_policies_are_tried_one_step_above_training(tmp_path):
 
 def test_an_impossible_scene_is_refused_with_the_reason():
     with pytest.raises(NoAnswer, match="no free reachable place"):
-        Task.load("load").instance("1-60", 0)
+        Task.load("load").instance("1-60", 0, robot="panda")
 
 
 @pytest.mark.parametrize(

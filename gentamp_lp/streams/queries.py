@@ -34,7 +34,7 @@ Env = list[str]  # the value of each variable and constant of a query
 Test = Callable[[Env], bool]
 Loop = Callable[[Env], Iterator[None]]  # sets variables of the list, once for each solution
 
-_BRANCH, _GENERATE, _TEST_JOIN, _NEVER = 1e4, 1e6, 1e7, 1e9  # how late to join these
+_BRANCH, _GENERATE, _TEST_JOIN, _LAST, _NEVER = 1e4, 1e6, 1e7, 1e8, 1e9  # how late to join these
 
 
 def unfold(formula: Formula, program: Program) -> Formula:
@@ -298,6 +298,8 @@ class Query:
             case Atom(predicate, args):
                 if predicate in self._situation.base.tests:
                     return _TEST_JOIN
+                if self._situation.is_condition(predicate):
+                    return _LAST
                 size = len(self._situation.relation(predicate)) + 1
                 unbound = sum(arg.startswith("?") and arg not in bound for arg in args)
                 return float(size ** (unbound / len(args)) + self._makes(goal) * _GENERATE)
@@ -343,12 +345,21 @@ class Situation:
         self._recursive: tuple[tuple[int, int], View] | None = None
         self._effects: dict[str, list[tuple[bool, Atom, Query]]] = {}
         self._inputs: dict[tuple[str, tuple[str, ...]], Query] = {}
+        self._conditions: dict[str, Query] = {}
 
     def query(
         self, formula: Formula, given: Sequence[str] = (), wanted: Sequence[str] = (), *, lazy: bool = False
     ) -> Query:
         """Compile a formula; a lazy query calls streams for entities that are not sampled yet."""
         return Query(self, formula, given, wanted, lazy)
+
+    def condition(self, formula: Formula, variables: Args) -> Atom:
+        """An atom that is true where a formula is, and never calls streams, also in lazy queries; something else in the
+        query has to bind the variables.
+        """
+        name = f"condition {len(self._conditions)}"
+        self._conditions[name] = self.query(formula, variables)
+        return Atom(name, variables)
 
     def state(self) -> State:
         """The present state."""
@@ -385,6 +396,10 @@ class Situation:
             [f for f in deleted if f not in added and f[1:] in self._fluents[f[0]]],
         )
 
+    def is_condition(self, predicate: str) -> bool:
+        """Whether a predicate is one made by `condition`."""
+        return predicate in self._conditions
+
     def relation(self, predicate: str) -> Relation:
         """The tuples of a fluent, static, certified or recursively derived predicate."""
         if predicate in self.program.recursive:
@@ -398,6 +413,8 @@ class Situation:
         """A test whether a tuple is in a relation."""
         if predicate in self.program.recursive:
             return lambda args: args in self.relation(predicate)
+        if predicate in self._conditions:
+            return self._conditions[predicate].holds
         rows = self.relation(predicate).rows
         if predicate in self.base.tests:
             truth = self.base.truth
