@@ -201,3 +201,37 @@ def test_effects_are_those_of_the_semantics(step):
     state = frozenset({("p", "a"), ("p", "c")})
     added, deleted = Situation(PROGRAM, base, state).effects(DOMAIN.action("go"), step.args)
     assert (sorted(added), deleted) == ([("p", "b"), ("q", "b", "c")], [("p", "a")])
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(formulas(), min_size=1, max_size=3), structures())
+def test_what_moves_by_an_action_is_told_from_its_parameters(bodies, structure):
+    """Every tuple that a step lets into an extension, or puts out, is one that its arguments name."""
+    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(free_variables(body)))), body) for i, body in enumerate(bodies)]
+    watches = Watches(Situation(PROGRAM, structure.base, structure.state), axioms)
+    view = View(PROGRAM, structure.base, structure.state)
+    for axiom, body in zip(axioms, bodies, strict=True):
+        before = extension(structure, body, axiom.head.args, structure.state)
+        for step in applicable(view):
+            after = extension(structure, body, axiom.head.args, apply(view, step))
+            schema = DOMAIN.action(step.schema)
+            for entering, moved in ((True, after - before), (False, before - after)):
+                rows = watches.moved_by(axiom.head.predicate, schema, entering)
+                binding = dict(zip(schema.parameters, step.args, strict=True))
+                assert rows is None or moved <= {tuple(binding.get(a, a) for a in row) for row in rows}
+
+
+def test_a_condition_calls_no_streams_in_a_lazy_query():
+    base = FactBase(
+        DOMAIN,
+        STREAMS,
+        {"make": from_gen_fn(lambda x: iter([(1,), (2,)])), "test": from_test(lambda x, y: True)},
+        {n: n for n in NAMES},
+    )
+    for fact in (("e", "a"), ("e", "b"), ("r", "a", "a"), ("r", "b", "b")):
+        base.add(fact)
+    base.draw(STREAMS[0], ("b",))
+    situation = Situation(PROGRAM, base, frozenset({("p", "a"), ("p", "b")}), base.exhausted)
+    condition = situation.condition(Exists(("?y",), Atom("made", ("?x", "?y"))), ("?x",))
+    query = situation.query(And((condition, Atom("p", ("?x",)))), (), ("?x",), lazy=True)
+    assert list(query.solutions()) == [("b",)] and base.statistics["make"].calls == 1
