@@ -104,7 +104,9 @@ class Watches:
             in_state = atom.predicate in program.domain.fluents
             if in_state or not lazy:
                 guards = tuple(part for part in beside if self._lasts(part, in_state))
-                query = situation.query(And((*guards, body) if lazy else guards), names, variables)
+                if lazy:  # one that is in has to satisfy the rest, too
+                    guards = (*(part for part in guards if part not in conjuncts(body)), body)
+                query = situation.query(And(guards), names, variables)
                 watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
             if atom.predicate in self._base.makers and not tested:
                 always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
