@@ -124,12 +124,14 @@ def matches_effects(
     effects: Mapping[str, str], kinds: Mapping[str, str], before: Mapping[str, int], after: Mapping[str, int]
 ) -> bool:
     """Whether a change of values is the qualitative change that an abstract action names (and no other)."""
-    for name, old in before.items():
-        new = after[name]
-        if kinds[name] == "boolean":
-            change = "true" if new and not old else "false" if old and not new else None
-        else:
-            change = "increase" if new > old else "decrease" if new < old else None
-        if effects.get(name) != change:
-            return False
-    return True
+    return all(
+        effects.get(name) == effect_of(kinds[name], old > 0, after[name] > 0, after[name] - old)
+        for name, old in before.items()
+    )
+
+
+def effect_of(kind: str, before: bool, after: bool, difference: int) -> str | None:
+    """The qualitative change of a feature, from whether it was and is positive and the sign of the difference."""
+    if kind == "boolean":
+        return None if before == after else "true" if after else "false"
+    return "increase" if difference > 0 else "decrease" if difference < 0 else None

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gentamp_lp.plan import by_dependency
+from gentamp_lp.streams.facts import Args
 from gentamp_lp.streams.semantics import Step, View, apply, precondition_holds
 from gentamp_lp.task import Instance
 
@@ -26,19 +27,21 @@ def stream_floor(instance: Instance, steps: Sequence[Step]) -> float | None:
     for name, call in made.items():
         together.setdefault(call, []).append(name)
     names: dict[str, str] = {}
+    calls: dict[tuple[str, Args, int], tuple[Args | None, float]] = {}  # what each draw gave, and its seconds
     floor = 0.0
     for name in by_dependency([a for step in steps for a in step.args], instance):
         if name in names:
             continue
         stream, inputs, draw = made[name]
         here = tuple(names.get(i, i) for i in inputs)
-        outputs = None
-        for _ in range(draw):
+        for number in range(base.drawn(streams[stream], here), draw):
             before = base.statistics[stream].seconds
             outputs = base.draw(streams[stream], here)
+            calls[stream, here, number + 1] = outputs, base.statistics[stream].seconds - before
+        outputs, seconds = calls.get((stream, here, draw), (None, 0.0))
         if outputs is None:
             return None
-        floor += base.statistics[stream].seconds - before
+        floor += seconds
         names |= zip(together[made[name]], outputs, strict=True)
     spent = sum(s.seconds for s in base.statistics.values())
     state = fresh.state

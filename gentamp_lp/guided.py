@@ -10,17 +10,32 @@ when a round's budget is spent, the search restarts with larger sampling limits.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import chain
 
 from gentamp_lp.errors import LimitReached, NoAnswer
-from gentamp_lp.features import Features, matches_effects, valuation
+from gentamp_lp.features import Features, effect_of, valuation
 from gentamp_lp.policy import AbstractAction, Policy
 from gentamp_lp.streams.facts import Args, Fact, FactBase
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, atoms, conjuncts, free_variables, normalize
+from gentamp_lp.streams.formula import (
+    And,
+    Atom,
+    Exists,
+    Formula,
+    Not,
+    Or,
+    atoms,
+    conjuncts,
+    free_variables,
+    normalize,
+    substitute,
+)
 from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation
 from gentamp_lp.streams.semantics import Program, State, Step, reads
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
 from gentamp_lp.watches import Toggles, Watches
 
@@ -32,10 +47,12 @@ class _Phases:
     """A schema's precondition in two parts: what decides the effects, and what is looked at when these are right.
 
     Conditions come late on parameters that no effect mentions and that only a stream can supply, and, unless features
-    run tests themselves, conditions that run tests.
+    run tests themselves, conditions that run tests. `needed` is what the wanted effects ask of the parameters.
     """
 
-    def __init__(self, schema: ActionSchema, program: Program, situation: Situation, tests_late: bool) -> None:
+    def __init__(
+        self, schema: ActionSchema, needed: Sequence[Atom], program: Program, situation: Situation, tests_late: bool
+    ) -> None:
         base, precondition = situation.base, program.preconditions[schema.name]
         postponed = _made(precondition, base) - _decisive(schema)
         parts = conjuncts(precondition)
@@ -44,7 +61,7 @@ class _Phases:
             for part in parts
             if free_variables(part) & postponed or (tests_late and reads(part, program) & base.tests.keys())
         )
-        early = And(tuple(part for part in parts if part not in late))
+        early = And((*needed, *(part for part in parts if part not in late)))
         self.schema = schema
         self.known = tuple(p for p in schema.parameters if p in free_variables(early))
         self.early: Query = situation.query(early, (), self.known, lazy=True)
@@ -116,6 +133,23 @@ class _Move:
     deleted: list[Fact]
     toggles: Toggles
     successor: State
+    outcome: tuple[bool, ...]  # the abstract state it leads to
+
+
+@dataclass
+class _Expansion:
+    """What is known of the steps from one state that carry out its abstract action.
+
+    `barren` calls give only what refused entities are, too; steps to a `dead` abstract state led nowhere; `short` says
+    that a stream would give more if it were called more often.
+    """
+
+    state: State = frozenset()
+    tried: set[State] = field(default_factory=set)
+    barren: set[tuple[str, Args]] = field(default_factory=set)
+    dead: set[tuple[bool, ...]] = field(default_factory=set)
+    growth: int = 1
+    short: bool = False
 
 
 class GuidedPlanner:
@@ -130,15 +164,18 @@ class GuidedPlanner:
         self.program = Program.of(domain, self.features.axioms)
         self.kinds = {f.name: f.kind for f in policy.features}
         self.actions = {a.name: a for a in policy.actions}
-        self._round = self._growth = 1  # multiples of the task's sampling limits: of this round, at present
+        self._round = 1  # multiple of the task's sampling limits
+        self._here = _Expansion()  # that of the generator that runs at present
         self._deadline = 0.0
         self._strays: dict[State, dict[str, int]] = {}  # state -> values of a refused successor without a rule
-        self._situation = Situation(self.program, self.base, instance.state, self.limit)
+        self._situation = Situation(self.program, self.base, instance.state, self._spent)
         names = {f.name for f in policy.features}
         self._values = Watches(self._situation, [a for a in self.features.axioms if a.head.predicate in names])
         self._goal = Watches(self._situation, _unmet(instance.task.goal))
         tested = {p for axiom in self.features.axioms for p in reads(axiom.body, self.program)} & self.base.tests.keys()
-        self._phases = {s.name: _Phases(s, self.program, self._situation, not tested) for s in domain.actions}
+        self._settled = {stream.name: self._settled_by(stream) for stream in self.base.streams}
+        self._tests_late = not tested
+        self._phases = cache(self._plan_phases)
 
     def solve(self, *, time_limit: float, max_rounds: int = 8) -> GuidedResult:
         """Follow the policy from the initial state to a goal.
@@ -160,9 +197,45 @@ class GuidedPlanner:
                 return GuidedResult(*result, rounds=number + 1, backtracks=total)
         raise failure
 
-    def limit(self, stream: str) -> int:
-        """How often a stream may be called on the same inputs at present."""
-        return self.instance.task.file.samples.get(stream, 1) * self._growth
+    def _spent(self, stream: Stream, inputs: Args) -> bool:
+        """Whether a stream is not to be called on these inputs at present."""
+        here = self._here
+        if (stream.name, inputs) in here.barren or self.base.exhausted(stream, inputs):
+            return True
+        limit = self.instance.task.file.samples.get(stream.name, 1) * here.growth
+        spent = self.base.drawn(stream, inputs) >= limit
+        here.short |= spent
+        return spent
+
+    def _plan_phases(self, name: str, abstract: str) -> _Phases:
+        schema = self.program.domain.action(name)
+        needed = list(self._needed(schema, self.actions[abstract]))
+        return _Phases(schema, needed, self.program, self._situation, self._tests_late)
+
+    def _needed(self, schema: ActionSchema, action: AbstractAction) -> Iterator[Atom]:
+        """What the effects of an abstract action ask of an action's parameters: that what they make leave a feature's
+        extension is in it, and what they make enter is not.
+        """
+        for axiom in self.features.axioms:
+            effect = action.effects.get(axiom.head.predicate)
+            if effect is None or reads(axiom.body, self.program) & self.base.tests.keys():
+                continue
+            enters = effect in ("increase", "true")
+            rows = self._values.moved_by(axiom.head.predicate, schema, enters)
+            if not rows or not axiom.head.args:
+                continue
+            body = normalize(axiom.body)
+            options = [substitute(body, dict(zip(axiom.head.args, row, strict=True))) for row in sorted(rows)]
+            names = tuple(dict.fromkeys(name for row in sorted(rows) for name in row if name.startswith("?")))
+            yield self._situation.condition(Or(tuple(Not(o) if enters else o for o in options)), names)
+
+    def _settled_by(self, stream: Stream) -> set[str]:
+        """Features that read nothing of a stream's outputs but what is certified with them."""
+        made = {atom.predicate for atom in stream.certified}
+        users = [other for other in self.base.streams if made & {atom.predicate for atom in other.domain}]
+        more = {atom.predicate for other in users for atom in other.certified} | self.base.tests.keys()
+        heads = {axiom.head.predicate: axiom for axiom in self.features.axioms}
+        return {name for name in self.kinds if more.isdisjoint(reads(heads[name].body, self.program))}
 
     def _check_time(self) -> None:
         if time.monotonic() > self._deadline:
@@ -179,7 +252,7 @@ class GuidedPlanner:
         while True:
             self._check_time()
             if len(choices) < len(states):
-                if not any(self._goal.counts().values()):
+                if not any(self._goal.positive().values()):
                     return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
                 choices.append(self._expand(states[-1]))
             following = next((move for move in choices[-1] if move.successor not in visited), None)
@@ -223,39 +296,47 @@ class GuidedPlanner:
 
     def _expand(self, state: State) -> Iterator[_Move]:
         """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others."""
-        rule = self.policy.rule_for(valuation(self._values.counts()))
+        rule = self.policy.rule_for(self._values.positive())
         if rule is None:
             return
         action = self.actions[rule.action]
-        tried: set[State] = set()
+        here = _Expansion(state)
         found = False
-        for growth in (self._round, self._round * _GROWTH, self._round * _GROWTH**2):
-            self._growth = growth
+        for here.growth in (self._round, self._round * _GROWTH, self._round * _GROWTH**2):
+            here.short = False
             for name in action.schemas:
-                for move in self._moves(self._phases[name], action, state, tried):
+                self._here = here
+                for move in self._moves(self._phases(name, action.name), action, here):
                     found = True
                     yield move
-                    self._growth = growth  # meanwhile other states were expanded
-            if found:
+                    here.dead.add(move.outcome)
+                    self._here = here  # meanwhile other states were expanded
+            if found or not here.short:
                 return
 
-    def _moves(self, phases: _Phases, action: AbstractAction, state: State, tried: set[State]) -> Iterator[_Move]:
-        schema = phases.schema
-        for known in self._in_order(phases):
+    def _moves(self, phases: _Phases, action: AbstractAction, here: _Expansion) -> Iterator[_Move]:
+        schema, state = phases.schema, here.state
+        postponed: list[Args] = []  # for the others lead elsewhere than where nothing was found
+        for known in chain(self._in_order(phases), postponed):
             self._check_time()
             partial = dict(zip(phases.known, known, strict=True))
             added, deleted = self._situation.effects(schema, tuple(partial.get(p, "") for p in schema.parameters))
             successor = (state - frozenset(deleted)) | frozenset(added)
-            if successor in tried:
+            if successor in here.tried:
                 continue
-            toggles = self._accept(state, added, deleted, action)
-            if toggles is None:
-                tried.add(successor)
+            accepted = self._accept(here, added, deleted, action, known)
+            if accepted is None:
+                here.tried.add(successor)
+                phases.failed.add(known)
+                continue
+            outcome, toggles = accepted
+            if outcome in here.dead and known not in postponed:
+                postponed.append(known)
             elif args := next(phases.late.solutions(known), None):
-                tried.add(successor)
-                yield _Move(Step(schema.name, args), action.name, added, deleted, toggles, successor)
-                continue
-            phases.failed.add(known)
+                here.tried.add(successor)
+                yield _Move(Step(schema.name, args), action.name, added, deleted, toggles, successor, outcome)
+            else:
+                phases.failed.add(known)
 
     def _in_order(self, phases: _Phases) -> Iterator[Args]:
         """Bindings of the parameters that decide the effects; those that failed in any state before come last."""
@@ -267,13 +348,31 @@ class GuidedPlanner:
                 yield known
         yield from later
 
-    def _accept(self, state: State, added: list[Fact], deleted: list[Fact], action: AbstractAction) -> Toggles | None:
-        """What a step changes if it has the abstract effect and leads where the policy knows what to do next."""
-        before = self._values.counts()
-        after, toggles = self._values.peek(added, deleted)
-        if not matches_effects(action.effects, self.kinds, before, after):
-            return None
-        if self.policy.rule_for(valuation(after)) or not any(self._goal.peek(added, deleted)[0].values()):
-            return toggles
-        self._strays[state] = after
+    def _accept(
+        self, here: _Expansion, added: list[Fact], deleted: list[Fact], action: AbstractAction, known: Args
+    ) -> tuple[tuple[bool, ...], Toggles] | None:
+        """Where a step leads and what it changes, if it has the abstract effect and the policy has a rule there."""
+        after: dict[str, bool] = {}
+        toggles: Toggles = {}
+        for name, change in self._values.peek(added, deleted, toggles):
+            after[name] = change.after
+            if action.effects.get(name) != effect_of(self.kinds[name], *change):
+                self._learn(here, name, known)
+                return None
+        if self.policy.rule_for(after) or not any(c.after for _, c in self._goal.peek(added, deleted, {})):
+            return tuple(after.values()), toggles
+        if here.state not in self._strays:
+            self._change(added, deleted)
+            self._strays[here.state] = self._values.counts()
+            self._change(deleted, added)
         return None
+
+    def _learn(self, here: _Expansion, feature: str, known: Args) -> None:
+        """A feature refused a binding: if that is settled by the call that made an entity of it, call no more.
+
+        Outputs of one call differ in tests and in what other streams make of them only.
+        """
+        present = {name for fact in here.state for name in fact[1:]}
+        makers = [self.base.made_by[n] for n in known if n not in present and n in self.base.made_by]
+        if len(makers) == 1 and feature in self._settled[makers[0][0]]:
+            here.barren.add(makers[0][:2])

@@ -13,13 +13,15 @@ from gentamp_lp.floor import stream_floor
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Policy
-from gentamp_lp.skeleton import skeleton_domain
+from gentamp_lp.skeleton import original_steps, skeleton_domain
 from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.interruption import interrupting
+from gentamp_lp.streams.naming import Names
+from gentamp_lp.streams.problem import Problem
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.task import Instance, Task
-from gentamp_lp.unguided import choose, plan_unguided, require_pddlstream
+from gentamp_lp.unguided import choose, plan_unguided, require_pddlstream, search_unguided
 from gentamp_lp.validate import validate
 
 
@@ -108,7 +110,7 @@ def solve(
     try:
         with interrupting(instance.base, time_limit):
             if skeleton is not None:
-                steps = _along(skeleton, instance, time_limit, progress)
+                steps = _along(skeleton, instance, algorithm, time_limit, progress)
             elif policy is None:
                 steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
             else:
@@ -138,17 +140,18 @@ def skeleton_of(task: Task, size: int | str, seed: int, policy: Policy, *, robot
     return [step.schema for step in found.steps]
 
 
-def _along(names: Sequence[str], instance: Instance, time_limit: float, progress: Callable[[str], None]) -> list[Step]:
+def _along(
+    names: Sequence[str],
+    instance: Instance,
+    algorithm: str | None,
+    time_limit: float,
+    progress: Callable[[str], None],
+) -> list[Step]:
     """Search for the arguments of a skeleton."""
     task = instance.task
-    domain, goal, facts, start = skeleton_domain(task.folder.domain, task.goal, names)
-    for fact in facts:
-        instance.base.add(fact)
-    found = solve_incremental(
-        Program.of(domain), instance.base, instance.state | {start}, goal,
-        quota=task.file.samples, time_limit=time_limit, progress=progress,
-    )  # fmt: skip
-    return [Step(step.schema, step.args[:-2]) for step in found]
+    domain, goal, start = skeleton_domain(task.folder.domain, task.goal, names)
+    problem = Problem(Program.of(domain), instance.base, instance.state | start, goal, Names())
+    return original_steps(search_unguided(problem, instance, algorithm, time_limit, progress))
 
 
 def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: float) -> list[Step]:

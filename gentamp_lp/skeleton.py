@@ -1,7 +1,7 @@
 """Partial skeletons: planning when the names of the actions are known, in order, and their arguments are free.
 
-The problem is compiled like the original's `PlanConstraints`: a fluent says how many steps were made, and every action
-needs a fact `turn-ACTION` that leads from that step to the next one. All solvers then follow the skeleton.
+A step without arguments before each action says whose turn it is, so the ground problem grows by one such step for each
+name, and not by a copy of every ground action for each of its turns. All solvers then follow the skeleton.
 """
 
 from __future__ import annotations
@@ -12,17 +12,16 @@ from dataclasses import replace
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import And, Atom, Formula
-from gentamp_lp.streams.pddl import Domain, Effect, Predicate
+from gentamp_lp.streams.pddl import ActionSchema, Domain, Effect, Predicate
+from gentamp_lp.streams.semantics import Step
+
+_TURN = "turn-"
+_FREE = Atom("no-turn", ())
 
 
-def _turn(name: str) -> str:
-    return f"turn-{name}"
+def skeleton_domain(domain: Domain, goal: Formula, names: Sequence[str]) -> tuple[Domain, Formula, set[Fact]]:
+    """The domain and the goal of a skeleton, and the fluents to add to a problem's initial state.
 
-
-def skeleton_domain(domain: Domain, goal: Formula, names: Sequence[str]) -> tuple[Domain, Formula, list[Fact], Fact]:
-    """The domain and the goal of a skeleton, the static facts to add to a problem, and the fluent to add to its state.
-
-    Actions have two more parameters at the end, the steps before and after them.
     Raises InputError when the domain has no such action.
     """
     known = {schema.name for schema in domain.actions}
@@ -30,19 +29,25 @@ def skeleton_domain(domain: Domain, goal: Formula, names: Sequence[str]) -> tupl
         if name not in known:
             hint = f"actions of the domain: {', '.join(sorted(known))}"
             raise InputError(Diagnostic(f"the skeleton names an unknown action `{name}`", domain.path, hint=hint))
-    actions = tuple(
+    turn = {name: Atom(f"{_TURN}{name}", ()) for name in sorted(known)}
+    made = [Atom(f"made-{number}", ()) for number in range(len(names) + 1)]
+    actions = [
         replace(
             schema,
-            parameters=(*schema.parameters, "?step", "?next"),
-            precondition=And(
-                (Atom("done", ("?step",)), Atom(_turn(schema.name), ("?step", "?next")), schema.precondition)
-            ),
-            effects=(*schema.effects, Effect(Atom("done", ("?step",)), False), Effect(Atom("done", ("?next",)), True)),
+            precondition=And((turn[schema.name], schema.precondition)),
+            effects=(*schema.effects, Effect(turn[schema.name], False), Effect(_FREE, True)),
         )
         for schema in domain.actions
-    )
-    added = {"done": Predicate("done", "done", 1)} | {_turn(n): Predicate(_turn(n), _turn(n), 2) for n in known}
-    facts: list[Fact] = [(_turn(name), f"step-{i}", f"step-{i + 1}") for i, name in enumerate(names)]
-    last = Atom("done", (f"step-{len(names)}",))
-    constrained = replace(domain, actions=actions, predicates={**domain.predicates, **added}, text="", path=None)
-    return constrained, And((goal, last)), facts, ("done", "step-0")
+    ]
+    for name, before, after in zip(names, made, made[1:], strict=False):
+        changes = {_FREE: False, before: False, after: True, turn[name]: True}
+        effects = tuple(Effect(atom, positive) for atom, positive in changes.items())
+        actions.append(ActionSchema(f"{_TURN}{after.predicate}", (), And((_FREE, before)), effects))
+    added = {atom.predicate: Predicate(atom.predicate, atom.predicate, 0) for atom in (_FREE, *made, *turn.values())}
+    constrained = replace(domain, actions=tuple(actions), predicates={**domain.predicates, **added}, text="", path=None)
+    return constrained, And((goal, made[-1], _FREE)), {(_FREE.predicate,), (made[0].predicate,)}
+
+
+def original_steps(steps: Sequence[Step]) -> list[Step]:
+    """A plan along a skeleton without the steps that say whose turn it is."""
+    return [step for step in steps if not step.schema.startswith(_TURN)]

@@ -28,19 +28,29 @@ def plan_unguided(
 
     PDDLStream has to be there (`require_pddlstream`). Raises NoAnswer, LimitReached, SolverError.
     """
-    algorithm = algorithm or choose(instance)
     if engine == "pddlstream":
-        return _pddlstream(instance, algorithm, time_limit)
-    task = instance.task
-    if algorithm == "incremental":
+        return _pddlstream(instance, algorithm or choose(instance), time_limit)
+    problem = Problem(instance.task.program, instance.base, instance.state, instance.task.goal, Names())
+    return search_unguided(problem, instance, algorithm, time_limit, progress)
+
+
+def search_unguided(
+    problem: Problem,
+    instance: Instance,
+    algorithm: str | None,
+    time_limit: float,
+    progress: Callable[[str], None],
+) -> list[Step]:
+    """A plan for an instance's problem, which may be stated otherwise, by the embedded engine."""
+    if (algorithm or choose(instance)) == "incremental":
         return solve_incremental(
-            task.program, instance.base, instance.state, task.goal,
-            quota=task.file.samples, time_limit=time_limit, progress=progress,
+            problem.program, problem.base, problem.state, problem.goal,
+            quota=instance.task.file.samples, time_limit=time_limit, progress=progress,
         )  # fmt: skip
-    base, deadline = instance.base, time.monotonic() + time_limit
+    deadline = time.monotonic() + time_limit
     if speaks_of_samples(instance):  # as many have to be there as the validator will draw
-        sample(base, quota_for(base, reads(task.goal, task.program), task.file.samples), deadline)
-    problem = Problem(task.program, base, instance.state, task.goal, Names())
+        predicates = reads(problem.goal, problem.program)
+        sample(problem.base, quota_for(problem.base, predicates, instance.task.file.samples), deadline)
     options = Options(time_limit=deadline - time.monotonic(), seed=instance.seed, progress=progress)
     return Engine(problem, options).solve().steps
 

@@ -1,33 +1,79 @@
-"""The extensions of formulas, kept up to date while a state changes.
+"""What a policy asks of formulas while a state changes: whether anything satisfies them, and which way counts move.
 
 A changed fact can only matter to those tuples for which it stands beside the rest of the formula: an occurrence of the
 fact's predicate is matched with it, what stands beside the occurrence and does not change (its guards) is joined, and
-the formula is evaluated again for the tuples that remain. New samples are changes like any other.
+the formula is evaluated again for the tuples that remain. Under an even number of negations a new fact can only let
+tuples in, under an odd number only put them out, so only those that are out, or in, are looked at.
+
+Extensions of formulas without tests are kept up to date; new samples are changes like any other. Where tests are read,
+only as many tuples are looked at as the answer needs: one that satisfies the formula, one that enters, one that leaves.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables
-from gentamp_lp.streams.pddl import Axiom
+from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import reads
 
 Toggles = dict[str, list[Args]]
-"""For each formula, the tuples that enter or leave its extension."""
+"""For formulas without tests, the tuples that enter or leave the extension."""
+
+
+class Change(NamedTuple):
+    """What a change of the state does to a formula: whether anything satisfies it before and after, and the sign of
+    the change of their number.
+    """
+
+    before: bool
+    after: bool
+    sign: int
 
 
 @dataclass
 class _Watch:
-    """One formula: queries for its extension and for one tuple, and the extension as it was last."""
+    """One formula, the queries for its extension and for one tuple, and where changing facts stand in it.
 
+    `near` has, for a predicate, each occurrence: whether a new fact lets tuples in, and which tuples it concerns.
+    """
+
+    variables: Args
     everything: Query
     member: Query
-    members: dict[Args, None] = field(default_factory=dict)
+    lazy: bool
     recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
+    near: dict[str, list[tuple[bool, Atom, Query]]] = field(default_factory=dict)
+    members: dict[Args, None] = field(default_factory=dict)  # unless lazy
+    seen: deque[Args] = field(default_factory=lambda: deque(maxlen=3))  # of a lazy one: tuples that satisfied it
+
+    def concerned(self, added: Iterable[Fact], deleted: Iterable[Fact], entering: bool) -> Iterator[Args]:
+        """Tuples that may enter (or else leave) by a change, with repetitions."""
+        for new, facts in ((True, added), (False, deleted)):
+            for fact in facts:
+                for lets_in, atom, query in self.near.get(fact[0], ()):
+                    if (lets_in == new) == entering:
+                        binding = match(atom.args, fact[1:], {})
+                        if binding is not None:
+                            yield from query.solutions([v for k, v in binding.items() if k.startswith("?")])
+
+    def found(self) -> bool:
+        """Whether anything satisfies a lazy formula in the present state."""
+        if any(self.member.holds(row) for row in self.seen):
+            return True
+        row = next(self.everything.solutions(), None)
+        if row is not None:
+            self.seen.appendleft(row)
+        return row is not None
+
+
+def _sign(number: int) -> int:
+    return (number > 0) - (number < 0)
 
 
 class Watches:
@@ -35,31 +81,38 @@ class Watches:
 
     def __init__(self, situation: Situation, axioms: Iterable[Axiom]) -> None:
         self.situation = situation
-        self._base, program = situation.base, situation.program
-        self._watches: dict[str, _Watch] = {}
-        self._near: dict[
-            str, list[tuple[str, Atom, Query]]
-        ] = {}  # predicate -> formula, where in it, what is concerned
+        self._base = situation.base
         self._samplers: list[Query] = []
-        for axiom in axioms:
-            variables, body = axiom.head.args, unfold(axiom.body, program)
-            watch = _Watch(situation.query(body, (), variables), situation.query(body, variables))
-            recursive = {a for a in atoms(body) if a.predicate in program.recursive}
-            watch.recursive = frozenset().union(*(reads(a, program) for a in recursive))
-            for atom, beside, tested in self._occurrences(body, ()):
-                names = tuple(dict.fromkeys(a for a in atom.args if a.startswith("?")))
-                in_state = atom.predicate in program.domain.fluents
-                guards = tuple(part for part in beside if self._lasts(part, in_state))
-                query = situation.query(And(guards), names, variables)
-                self._near.setdefault(atom.predicate, []).append((axiom.head.predicate, atom, query))
-                if atom.predicate in self._base.makers and not tested:
-                    always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
-                    own = tuple(part for part in always if free_variables(part) <= set(names))
-                    self._samplers.append(situation.query(And((*own, atom)), (), names, lazy=True))
-            self._watches[axiom.head.predicate] = watch
+        found = {axiom.head.predicate: self._watch(axiom) for axiom in axioms}
+        self._watches = dict(sorted(found.items(), key=lambda item: item[1].lazy))
+        self._names = list(found)
         self._entities = 0
-        self._sizes = dict.fromkeys(sorted(self._near.keys() - program.domain.fluents), 0)
+        growing = {predicate for watch in found.values() for predicate in watch.near}
+        self._sizes = dict.fromkeys(sorted(growing - situation.program.domain.fluents), 0)
+        self._some: dict[str, bool] = {}
         self._recall()
+
+    def _watch(self, axiom: Axiom) -> _Watch:
+        situation, program = self.situation, self.situation.program
+        variables, body = axiom.head.args, unfold(axiom.body, program)
+        recursive = {a for a in atoms(body) if a.predicate in program.recursive}
+        lazy = not recursive and self._tests(body)
+        watch = _Watch(variables, situation.query(body, (), variables), situation.query(body, variables), lazy)
+        watch.recursive = frozenset().union(*(reads(a, program) for a in recursive))
+        for atom, positive, beside, tested in self._occurrences(body, True, ()):
+            names = tuple(dict.fromkeys(a for a in atom.args if a.startswith("?")))
+            in_state = atom.predicate in program.domain.fluents
+            if in_state or not lazy:
+                guards = tuple(part for part in beside if self._lasts(part, in_state))
+                if lazy:  # one that is in has to satisfy the rest, too
+                    guards = (*(part for part in guards if part not in conjuncts(body)), body)
+                query = situation.query(And(guards), names, variables)
+                watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
+            if atom.predicate in self._base.makers and not tested:
+                always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
+                own = tuple(part for part in always if free_variables(part) <= set(names))
+                self._samplers.append(situation.query(And((*own, atom)), (), names, lazy=True))
+        return watch
 
     def sample(self) -> None:
         """Call the streams whose entities the formulas speak of, up to the situation's limits."""
@@ -71,44 +124,113 @@ class Watches:
     def counts(self) -> dict[str, int]:
         """How many tuples satisfy each formula at present."""
         self._sync()
-        return {name: len(watch.members) for name, watch in self._watches.items()}
+        return {name: self._count(self._watches[name]) for name in self._names}
 
-    def peek(self, added: list[Fact], deleted: list[Fact]) -> tuple[dict[str, int], Toggles]:
-        """What `counts` would be after a change of the state, and the tuples that make the difference."""
+    def positive(self) -> dict[str, bool]:
+        """Whether any tuple satisfies each formula at present."""
+        self._sync()
+        return {name: self._positive(name) for name in self._names}
+
+    def peek(self, added: list[Fact], deleted: list[Fact], toggles: Toggles) -> Iterator[tuple[str, Change]]:
+        """What a change of the state would do, formula by formula, those without tests first.
+
+        `toggles` gets what `change` may be given if the change is made.
+        """
         self._sync()
         self.situation.change(added, deleted)
-        toggles = self._affected((*added, *deleted))
+        toggles |= self._affected(added, deleted)
         self.situation.change(deleted, added)
-        after = {}
         for name, watch in self._watches.items():
-            changes = toggles.get(name, ())
-            left = sum(row in watch.members for row in changes)
-            after[name] = len(watch.members) + len(changes) - 2 * left
-        return after, toggles
+            if watch.lazy:
+                yield name, self._prospect(name, added, deleted)
+            else:
+                rows = toggles.get(name, ())
+                size, difference = len(watch.members), sum(-1 if row in watch.members else 1 for row in rows)
+                yield name, Change(size > 0, size + difference > 0, _sign(difference))
 
     def change(self, added: list[Fact], deleted: list[Fact], toggles: Toggles | None = None) -> None:
         """Follow the situation, which has just been changed; `toggles` are what `peek` said of this change."""
-        self._toggle(self._affected((*added, *deleted)) if toggles is None else toggles)
+        self._some.clear()
+        self._toggle(self._affected(added, deleted) if toggles is None else toggles)
+
+    def moved_by(self, name: str, schema: ActionSchema, entering: bool) -> set[Args] | None:
+        """Which tuples, in terms of an action's parameters, it can make enter (or leave) the extension of a formula.
+
+        None where that is not decided by the parameters alone.
+        """
+        watch = self._watches[name]
+        found: set[Args] = set()
+        for effect in schema.effects:
+            for lets_in, atom, _ in watch.near.get(effect.atom.predicate, ()):
+                if (lets_in == effect.positive) == entering:
+                    at = dict(zip(atom.args, effect.atom.args, strict=True))
+                    if watch.recursive or effect.variables or not at.keys() >= set(watch.variables):
+                        return None
+                    found.add(tuple(at[variable] for variable in watch.variables))
+        return None if watch.recursive else found
+
+    def _count(self, watch: _Watch) -> int:
+        return len(set(watch.everything.solutions())) if watch.lazy else len(watch.members)
+
+    def _positive(self, name: str) -> bool:
+        watch = self._watches[name]
+        if not watch.lazy:
+            return bool(watch.members)
+        if name not in self._some:
+            self._some[name] = watch.found()
+        return self._some[name]
+
+    def _prospect(self, name: str, added: list[Fact], deleted: list[Fact]) -> Change:
+        """What a change would do to a lazy formula."""
+        watch, before = self._watches[name], self._positive(name)
+        losses = self._leaving(watch, added, deleted, False)
+        loss = before and next(losses, None) is not None
+        self.situation.change(added, deleted)
+        gains = self._leaving(watch, deleted, added, not before)  # what enters leaves by the opposite change
+        gain = next(gains, None) is not None
+        if gain and loss:
+            more = sum(1 for _ in gains)
+            self.situation.change(deleted, added)
+            sign = _sign(more - sum(1 for _ in losses))
+            return Change(before, True, sign)
+        after = gain or (watch.found() if loss else before)
+        self.situation.change(deleted, added)
+        return Change(before, after, gain - loss)
+
+    def _leaving(self, watch: _Watch, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
+        """Tuples that satisfy a lazy formula in the present state and not after a change (`all_do`: nothing does)."""
+        known: set[Args] = set()
+        for row in watch.concerned(added, deleted, False):
+            if row not in known:
+                known.add(row)
+                self.situation.change(added, deleted)
+                stays = not all_do and watch.member.holds(row)
+                self.situation.change(deleted, added)
+                if not stays:
+                    yield row
 
     def _recall(self) -> None:
         for watch in self._watches.values():
-            watch.members = dict.fromkeys(watch.everything.solutions())
+            if not watch.lazy:
+                watch.members = dict.fromkeys(watch.everything.solutions())
         for name in self._sizes:
             self._sizes[name] = len(self._base.relation(name))
         self._entities = len(self._base.values)
+        self._some.clear()
 
     def _sync(self) -> None:
         """Take in the facts that streams have certified since the last look."""
         entities, self._entities = self._entities, len(self._base.values)
         if entities == self._entities:
             return
+        self._some.clear()
         new: list[Fact] = []
         for name, size in self._sizes.items():
             rows = self._base.relation(name).rows
             if len(rows) > size:
                 new += [(name, *row) for row in list(rows)[size:]]
                 self._sizes[name] = len(rows)
-        self._toggle(self._affected(new, more=True))
+        self._toggle(self._affected(new, (), more=True))
 
     def _toggle(self, toggles: Toggles) -> None:
         for name, rows in toggles.items():
@@ -119,50 +241,51 @@ class Watches:
                 else:
                     members[row] = None
 
-    def _affected(self, facts: Sequence[Fact], more: bool = False) -> Toggles:
-        """The tuples whose membership is no longer right, after a change of these facts; `more` entities are known."""
-        candidates: dict[str, dict[Args, None]] = {}
-        for fact in facts:
-            for name, atom, query in self._near.get(fact[0], ()):
-                binding = match(atom.args, fact[1:], {})
-                if binding is not None:
-                    concerned = query.solutions([v for k, v in binding.items() if k.startswith("?")])
-                    candidates.setdefault(name, {}).update(dict.fromkeys(concerned))
+    def _affected(self, added: Sequence[Fact], deleted: Sequence[Fact], more: bool = False) -> Toggles:
+        """The tuples whose membership is no longer right, after a change of the facts; `more` entities are known."""
+        toggles: Toggles = {}
         for name, watch in self._watches.items():
-            if (more and watch.everything.unguarded) or any(fact[0] in watch.recursive for fact in facts):
-                candidates[name] = watch.members | dict.fromkeys(watch.everything.solutions())
-        return {
-            name: [row for row in rows if self._watches[name].member.holds(row) != (row in self._watches[name].members)]
-            for name, rows in candidates.items()
-        }
+            if watch.lazy:
+                continue
+            members = watch.members
+            rows = {row: None for row in watch.concerned(added, deleted, False) if row in members}
+            rows |= {row: None for row in watch.concerned(added, deleted, True) if row not in members}
+            if (more and watch.everything.unguarded) or any(f[0] in watch.recursive for f in (*added, *deleted)):
+                rows = members | dict.fromkeys(watch.everything.solutions())
+            moved = [row for row in rows if watch.member.holds(row) != (row in members)]
+            if moved:
+                toggles[name] = moved
+        return toggles
 
     def _occurrences(
-        self, formula: Formula, beside: tuple[Formula, ...], tested: bool = False
-    ) -> Iterator[tuple[Atom, tuple[Formula, ...], bool]]:
-        """The places where facts stand that may change, each with the conditions under which it matters.
-
-        The last value says whether the fact matters as condition of a test only.
+        self, formula: Formula, positive: bool, beside: tuple[Formula, ...], tested: bool = False
+    ) -> Iterator[tuple[Atom, bool, tuple[Formula, ...], bool]]:
+        """The places where facts stand that may change, each with whether it is under an even number of negations,
+        the conditions under which it matters, and whether it matters as condition of a test only.
         """
         match formula:
             case Atom(predicate, args):
                 if predicate in self.situation.program.domain.fluents or self._grows(predicate):
-                    yield formula, beside, tested
+                    yield formula, positive, beside, tested
                 elif predicate in self._base.tests:
                     stream = self._base.tests[predicate]
                     pattern = next(a.args for a in stream.certified if a.predicate == predicate)
                     names = dict(zip(pattern, args, strict=True))
                     for condition in stream.domain:
-                        yield from self._occurrences(Atom(condition.predicate, bind(condition, names)), beside, True)
-            case Not(body) | Exists(_, body):
-                yield from self._occurrences(body, beside, tested)
+                        required = Atom(condition.predicate, bind(condition, names))
+                        yield from self._occurrences(required, positive, beside, True)
+            case Not(body):
+                yield from self._occurrences(body, not positive, beside, tested)
+            case Exists(_, body):
+                yield from self._occurrences(body, positive, beside, tested)
             case Or(parts):
                 for part in parts:
-                    yield from self._occurrences(part, beside, tested)
+                    yield from self._occurrences(part, positive, beside, tested)
             case And():
                 parts = conjuncts(formula)
                 for part in parts:
                     others = tuple(other for other in parts if other is not part)
-                    yield from self._occurrences(part, beside + others, tested)
+                    yield from self._occurrences(part, positive, beside + others, tested)
 
     def _grows(self, predicate: str) -> bool:
         """Whether streams, new entities included, may add to a predicate."""

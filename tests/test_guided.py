@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,7 @@ from gentamp_lp.guided import DeadEnd, GuidedPlanner, GuidedResult
 from gentamp_lp.learning import Learned
 from gentamp_lp.plan import Plan
 from gentamp_lp.planning import solve
+from gentamp_lp.policy import Policy
 from gentamp_lp.streams.semantics import View, apply, precondition_holds
 from gentamp_lp.task import Instance, Task
 from gentamp_lp.validate import validate
@@ -163,3 +165,30 @@ def test_a_seed_gives_the_same_plan_everywhere(unstack: Learned, load: Learned, 
     assert all(plan["steps"] for plan in plans)
     again = solve(Task.load("load"), "2-4", 4, policy=load.policy, robot="gripper").plan
     assert again is not None and again.to_json() == plans[1]
+
+
+def test_calls_whose_outputs_cannot_have_the_effect_are_not_made(load: Learned) -> None:
+    """The policy puts things on the tray: a place on the table is tried once for a thing, not sampled for more."""
+    _, instance, result = follow(load, "3-8", 1, "gripper")
+    stream = next(s for s in instance.base.streams if s.name == "sample-placement")
+    drawn = [instance.base.drawn(stream, inputs) for inputs in instance.base.inputs(stream)]
+    assert result.steps and max(drawn) <= instance.task.file.samples["sample-placement"] + 1
+
+
+def test_few_tests_answer_a_question_about_all_places(load: Learned) -> None:
+    """What no step needs to know is not tested: a fraction of all pairs of a place and a thing that stands."""
+    planner, instance, result = follow(load, "3-12", 1, "gripper")
+    places, things = len(instance.base.relation("stand")), 13
+    assert instance.base.statistics["test-cfree"].calls < places * things
+    assert result.backtracks <= 3
+    values = planner.features.values(View(planner.program, instance.base, result.states[-1]))
+    assert planner._values.counts() == values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("size", ["2-32", "2-64"])
+def test_transport_beyond_the_papers_sizes(size: str, seed: int) -> None:
+    policy = Policy.load(Path(__file__).parent / "policies" / "transport")
+    result = solve(Task.load("transport"), size, seed, policy=policy, time_limit=120)
+    assert result.valid and result.planner == "guided"

@@ -69,7 +69,7 @@ def test_policies_are_tried_one_step_above_training(tmp_path):
 
 def test_an_impossible_scene_is_refused_with_the_reason():
     with pytest.raises(NoAnswer, match="no free reachable place"):
-        Task.load("load").instance("1-60", 0)
+        Task.load("load").instance("1-60", 0, robot="panda")
 
 
 @pytest.mark.parametrize(
@@ -151,3 +151,23 @@ def test_a_robot_that_flies_gets_a_larger_table_for_more_things(task, size, stre
     assert (
         loaded.instance("2" if task == "unstack" else "2-2", 0, robot="panda").world.supports == loaded.scene.supports
     )
+
+
+def test_places_and_parts_of_a_table_stretch_with_it():
+    """The tray, and the part of the table where things lie."""
+    load = Task.load("load")
+    small, large = (load.instance(size, 0, robot="gripper").world for size in ("8-12", "8-38"))
+    stretch = (39 / 13) ** 0.5
+    assert np.allclose(small.start["tray"].transform[:2, 3], [0.45, -0.25])
+    assert np.allclose(large.start["tray"].transform[:2, 3], np.array([0.45, -0.25]) * stretch)
+    for name, placement in large.start.items():
+        assert name == "tray" or (placement.transform[:2, 3] >= np.array([0.28, 0.08]) * stretch).all()
+
+
+def test_a_flying_hand_on_a_platform_reaches_farther_in_a_larger_room():
+    """Else it could not reach the far side of its tables."""
+    transport = Task.load("transport")
+    small, large = (transport.instance(size, 0).world for size in ("2-16", "2-67"))
+    assert large.robot.arm.furthest == pytest.approx(2 * small.robot.arm.furthest)
+    assert large.robot.name == small.robot.name
+    assert np.allclose(large.supports["source"].area.x, np.array(small.supports["source"].area.x) * 2)

@@ -448,8 +448,8 @@ def variable_as_name(data: Data) -> None:
     "mutate",
     [
         nan_pose, scaled_pose, mirrored_pose, huge_pose, nan_joint, huge_joint, missing_joint, ragged,
-        no_configurations, negative_opening, nan_opening, frame_that_is_no_tray, unknown_sort, no_record, later_reference,
-        reach_of_things_that_are_none, reach_of_unknown_object, existing_name, variable_as_name,
+        no_configurations, negative_opening, nan_opening, frame_that_is_no_tray, unknown_sort, no_record,
+        later_reference, reach_of_things_that_are_none, reach_of_unknown_object, existing_name, variable_as_name,
     ],
     ids=lambda value: value.__name__,
 )  # fmt: skip

@@ -54,14 +54,14 @@ class Area(_Section):
     y: Span
     things: int | None = Field(None, ge=1)
 
-    def enlarged(self, things: int) -> Area:
-        """The rectangle stretched away from the origin, as much room for each of `things` as it is meant to give."""
-        stretch = np.sqrt(max(1.0, things / (self.things or things)))
-        return Area(
-            x=(self.x[0] * stretch, self.x[1] * stretch),
-            y=(self.y[0] * stretch, self.y[1] * stretch),
-            things=self.things,
-        )
+    def stretch(self, things: int) -> float:
+        """How many times as long the rectangle must be to give each of `things` the room that it is meant to give."""
+        return math.sqrt(max(1.0, things / (self.things or things)))
+
+    def enlarged(self, factor: float) -> Area:
+        """The rectangle stretched away from the origin."""
+        (x0, x1), (y0, y1) = self.x, self.y
+        return Area(x=(x0 * factor, x1 * factor), y=(y0 * factor, y1 * factor), things=self.things)
 
     @model_validator(mode="after")
     def _ordered(self) -> Area:
@@ -154,13 +154,15 @@ class Towers(_Section):
 
 
 class InTheWay(_Section):
-    """Of N scattered things, exactly N // `one_in` touch the approach to a thing that stands there already.
+    """Of N scattered things, exactly N // `one_in` (but no more than `at_most`: there is room for some only) touch the
+    approach to a thing that stands there already.
 
     That thing can be grasped in `approaches` ways; the one that the fewest things touch counts.
     """
 
     target: str = Field(alias="of")
     one_in: int = Field(ge=1)
+    at_most: int | None = Field(None, ge=1)
     approaches: int = Field(1, ge=1)
 
 
@@ -336,10 +338,12 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
     for an unknown size parameter.
     """
     supports = scene.supports
-    if (body := _robot(robot)).flies:
+    stretch = dict.fromkeys(supports, 1.0)
+    if _robot(robot).flies:
         total = sum(_count(group.count, parameters) for group in scene.things)
-        supports = {n: s.model_copy(update={"area": s.area.enlarged(total)}) for n, s in supports.items()}
-    world = World(body, supports)
+        stretch = {name: support.area.stretch(total) for name, support in supports.items()}
+        supports = {n: s.model_copy(update={"area": s.area.enlarged(stretch[n])}) for n, s in supports.items()}
+    world = World(_robot(robot, max(stretch.values())), supports)
     _park(world, next(iter(supports)), rng)
     for name, support in supports.items():
         world.values[name] = name
@@ -359,7 +363,7 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
             if not world.grasps[name]:
                 raise _no_grasp(world, name, group, ("things", number, "shapes", option))
             world.static += [(trait.lower(), name) for trait in ("Movable", *group.traits)]
-        _arrange(world, group, names, rng)
+        _arrange(world, group, names, stretch[group.start.choice.support], rng)
     for group in scene.things:
         targets = [t for goal in group.goes for t in members.get(goal, [goal])]
         world.static += [("stackable", o, s) for o in members[group.name] for s in targets if o != s]
@@ -412,9 +416,9 @@ def _zigzag(diameters: Sequence[float], width: float) -> float:
 
 
 @lru_cache
-def _robot(name: str) -> Robot:
+def _robot(name: str, stretch: float = 1.0) -> Robot:
     """One robot of each kind a process: loading its meshes takes half a second."""
-    return make_robot(name)
+    return make_robot(name) if stretch == 1.0 else _robot(name).enlarged(stretch)
 
 
 def _count(count: Count, parameters: Mapping[str, int]) -> int:
@@ -461,20 +465,22 @@ def _no_grasp(world: World, name: str, group: Things, location: tuple[str | int,
     )
 
 
-def _arrange(world: World, group: Things, names: list[str], rng: np.random.Generator) -> None:
+def _arrange(world: World, group: Things, names: list[str], stretch: float, rng: np.random.Generator) -> None:
+    """Put things where they start; where the support is stretched, so are the places on it."""
     match group.start.choice:
         case At() as at:
+            x, y = at.x * stretch, at.y * stretch
             for name in names:
-                placement = Placement("world", pose(at.x, at.y, GAP, at.yaw))
+                placement = Placement("world", pose(x, y, GAP, at.yaw))
                 if not (_free(world, world.start, name, placement, 0.0) and reachable(world, name, placement, rng)):
-                    raise NoAnswer(f"`{name}` collides or is out of reach at x={at.x}, y={at.y}")
+                    raise NoAnswer(f"`{name}` collides or is out of reach at x={x:.3g}, y={y:.3g}")
                 _stand(world, name, placement, at.support)
         case Scatter() as scatter:
-            area = scatter.area or world.supports[scatter.support].area
+            area = scatter.area.enlarged(stretch) if scatter.area else world.supports[scatter.support].area
             if scatter.in_the_way is None:
                 layout = _scattered(world, names, scatter, area, rng)
             else:
-                layout = _layout(world, names, scatter.in_the_way, area, scatter.gap, rng)
+                layout = _layout(world, names, scatter.in_the_way, area, scatter.gap, stretch > 1, rng)
             for name, placement in layout.items():
                 _stand(world, name, placement, scatter.support)
         case Towers() as towers:
@@ -544,22 +550,38 @@ def _draw(
 
 
 def _layout(
-    world: World, names: Sequence[str], clutter: InTheWay, area: Area, gap: float, rng: np.random.Generator
+    world: World,
+    names: Sequence[str],
+    clutter: InTheWay,
+    area: Area,
+    gap: float,
+    stretched: bool,
+    rng: np.random.Generator,
 ) -> dict[str, Placement]:
-    """Uniform layouts until one has the wanted number of things in the way."""
+    """Uniform layouts until one has the wanted number of things in the way.
+
+    On a stretched table that hardly happens: there it is drawn first which things are in the way, and each is put at
+    a uniform place where it is, or is not.
+    """
     ways = _approaches(world, clutter.target, clutter.approaches, rng)
-    wanted = len(names) // clutter.one_in
+    wanted = min(len(names) // clutter.one_in, clutter.at_most or len(names))
     for _ in range(_LAYOUTS):
+        chosen = {names[i] for i in rng.permutation(len(names))[:wanted]} if stretched else set()
         layout: dict[str, Placement] = {}
-        for name in names:
-            there = world.start | layout
-            free = (p for p in uniform_placements(area, rng) if _free(world, there, name, p, gap))
+        for name in sorted(names, key=lambda n: n not in chosen) if stretched else names:
+            there, shape = world.start | layout, world.shapes[name]
+            free = (
+                p
+                for p in uniform_placements(area, rng)
+                if not (stretched and ways[0].hits(shape, p.transform) != (name in chosen))
+                and _free(world, there, name, p, gap)
+            )
             layout |= zip([name], free, strict=False)
         if len(layout) < len(names):
             continue
         touched = (sum(way.hits(world.shapes[n], p.transform) for n, p in layout.items()) for way in ways)
         if min(touched) == wanted and all(reachable(world, n, p, rng) for n, p in layout.items()):
-            return layout
+            return {name: layout[name] for name in names}
     raise NoAnswer(
         f"none of {_LAYOUTS} layouts has exactly {wanted} of {len(names)} things in the way of `{clutter.target}`"
     )

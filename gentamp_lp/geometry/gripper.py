@@ -67,6 +67,10 @@ class Gripper(Robot):
             block("right_finger", *finger),
         )
 
+    def enlarged(self, factor: float) -> Gripper:
+        """Return a hand that keeps within `factor` times the distance."""
+        return Gripper(self.furthest * factor)
+
     def tools(self, configurations: Array) -> Array:
         """Return the tool poses (n, 4, 4) of configurations (n, 7)."""
         result = np.zeros((len(configurations), 4, 4))

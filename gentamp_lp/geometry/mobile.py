@@ -31,12 +31,18 @@ class Mobile(Robot):
     def __init__(self, name: str, arm: Robot, base: Drive) -> None:
         self.name = name
         self.arm = arm
+        self.base = base
+        self.flies = arm.flies
         self.stance, self.aside = base.stance, base.aside
         self.opening = arm.opening
         self.home = np.concatenate([np.zeros(3), arm.home])
         self.platform = block("platform", base.platform.lower, base.platform.upper) if base.platform else None
         self.links = (*arm.links, self.platform) if self.platform else arm.links
         self.fingers, self.description = arm.fingers, arm.description
+
+    def enlarged(self, factor: float) -> Mobile:
+        """Return the robot with its arm for a stretched world."""
+        return Mobile(self.name, self.arm.enlarged(factor), self.base) if self.flies else self
 
     def close(self) -> None:
         """Free what the arm holds."""

@@ -85,6 +85,10 @@ class Robot(ABC):
     fingers: tuple[str, ...] = ("left_finger", "right_finger")
     description: Description | None = None
 
+    def enlarged(self, factor: float) -> Robot:
+        """Return the robot for a world stretched by `factor`: a hand that flies reaches so many times as far."""
+        return self
+
     def close(self) -> None:  # noqa: B027 (most robots hold nothing)
         """Free what the robot holds."""
 

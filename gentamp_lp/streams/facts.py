@@ -149,10 +149,12 @@ class FactBase:
     def __post_init__(self) -> None:
         self.tests: dict[str, Stream] = {}
         self.makers: dict[str, list[Stream]] = {}
+        self.revision = 0  # grows with the facts, save those that tests decide
         self.costs: dict[Fact, float] = {}  # values of functions, given or computed
         self.functions = {s.name: s for s in self.streams if s.kind == "function"}
         self.streams = tuple(s for s in self.streams if s.kind != "function")
         self._tests: dict[str, _Test] = {}
+        self._sorted: set[str] = set()  # test predicates that tell no sorts
         self._truth: dict[Fact, bool] = {}
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
@@ -166,8 +168,16 @@ class FactBase:
                 if stream.decides:
                     self.tests[atom.predicate] = stream
                     self._tests[atom.predicate] = _Test.of(stream, atom.args)
+                    if self._says_no_sort(atom, stream):
+                        self._sorted.add(atom.predicate)
                 elif stream not in self.makers.setdefault(atom.predicate, []):
                     self.makers[atom.predicate].append(stream)
+
+    def _says_no_sort(self, atom: Atom, stream: Stream) -> bool:
+        """Whether a test's conditions have told all that its fact tells of its arguments' sorts."""
+        known = {pair for a in stream.domain for pair in zip(a.args, self.sorts.get(a.predicate, ()), strict=False)}
+        told = set(zip(atom.args, self.sorts.get(atom.predicate, ()), strict=False))
+        return told <= known and not self.domain.supertypes.get(atom.predicate)
 
     def relation(self, predicate: str) -> Relation:
         """The known tuples of a static or certified predicate."""
@@ -177,6 +187,7 @@ class FactBase:
         """Record a static or certified fact (and the sorts of its entities); False when it was known."""
         if not self._growing(fact[0]).add(fact[1:]):
             return False
+        self.revision += 1
         self.add_sorts(fact)
         for supertype in self.domain.supertypes.get(fact[0], ()):
             self.add((supertype, *fact[1:]))
@@ -198,7 +209,8 @@ class FactBase:
 
     def truth(self, predicate: str, args: Args) -> bool:
         """Whether a static or certified fact holds; tests are run on demand and remembered."""
-        if args in self.relation(predicate):
+        static = self.static
+        if predicate in static and args in static[predicate].rows:
             return True
         test = self._tests.get(predicate)
         if test is None:
@@ -210,7 +222,7 @@ class FactBase:
                 return False
             for name, take in test.domain:
                 condition = take(args)
-                if condition not in self.relation(name) and not self.truth(name, condition):
+                if (name not in static or condition not in static[name].rows) and not self.truth(name, condition):
                     return False  # not remembered: another stream may certify the conditions later
             known = self._truth[fact] = self._run_test(test, args)
         return known
@@ -267,7 +279,10 @@ class FactBase:
         if isinstance(row, WildOutput):
             self._add_wild(row)
         for name, take in test.certified:
-            self.add((name, *take(args)))
+            if name in self._sorted:
+                self._growing(name).add(take(args))
+            else:
+                self.add((name, *take(args)))
         return True
 
     def inputs(self, stream: Stream) -> list[Args]:

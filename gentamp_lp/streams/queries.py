@@ -8,7 +8,7 @@ joins is fixed when a query is compiled, and variables are places in a list.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import count
 from operator import itemgetter
 
@@ -35,7 +35,7 @@ Env = list[str]  # the value of each variable and constant of a query
 Test = Callable[[Env], bool]
 Loop = Callable[[Env], Iterator[None]]  # sets variables of the list, once for each solution
 
-_BRANCH, _GENERATE, _TEST_JOIN, _NEVER = 1e4, 1e6, 1e7, 1e9  # how late to join these
+_BRANCH, _GENERATE, _TEST_JOIN, _LAST, _NEVER = 1e4, 1e6, 1e7, 1e8, 1e9  # how late to join these
 
 
 def unfold(formula: Formula, program: Program) -> Formula:
@@ -72,13 +72,25 @@ class Query:
 
     def __init__(self, situation: Situation, formula: Formula, given: Sequence[str], wanted: Sequence[str], lazy: bool):
         self._situation, self._lazy = situation, lazy
-        self.unguarded = False  # whether some variable ranges over all entities
+        self._formula, self._given, self._asked = formula, given, wanted
         self._slots: dict[str, int] = {variable: i for i, variable in enumerate(given)}
         self._constants: list[tuple[int, str]] = []
-        goals = list(conjuncts(unfold(formula, situation.program)))
-        self._check, self._loop = self._compile(goals, frozenset(given), frozenset(wanted))
-        self._blank = [""] * (len(self._slots) - len(given))
-        self._wanted = [self._slots[variable] for variable in wanted]
+        self._everywhere = False
+
+    @cached_property
+    def _compiled(self) -> tuple[Test, Loop | None]:
+        """Made when the first question is asked: many a query never is."""
+        goals = list(conjuncts(unfold(self._formula, self._situation.program)))
+        found = self._compile(goals, frozenset(self._given), frozenset(self._asked))
+        self._blank = [""] * (len(self._slots) - len(self._given))
+        self._wanted = [self._slots[variable] for variable in self._asked]
+        return found
+
+    @property
+    def unguarded(self) -> bool:
+        """Whether some variable ranges over all entities."""
+        _ = self._compiled
+        return self._everywhere
 
     def _env(self, args: Sequence[str]) -> Env:
         env = [*args, *self._blank]
@@ -88,20 +100,22 @@ class Query:
 
     def holds(self, args: Sequence[str] = ()) -> bool:
         """Whether there is a solution for these values of the given variables."""
+        check, loop = self._compiled
         env = self._env(args)
-        return self._check(env) and (self._loop is None or _any(self._loop)(env))
+        return check(env) and (loop is None or _any(loop)(env))
 
     def solutions(self, args: Sequence[str] = ()) -> Iterator[Args]:
         """Values of the wanted variables, with repetitions. The situation may change while this is suspended, if it is
         back in the same state when it goes on.
         """
+        check, loop = self._compiled
         env = self._env(args)
-        if self._check(env):
-            if self._loop is None:
-                yield tuple(env[slot] for slot in self._wanted)
+        if check(env):
+            if loop is None:
+                yield tuple([env[slot] for slot in self._wanted])
             else:
-                for _ in self._loop(env):
-                    yield tuple(env[slot] for slot in self._wanted)
+                for _ in loop(env):
+                    yield tuple([env[slot] for slot in self._wanted])
 
     def _slot(self, name: str) -> int:
         if name not in self._slots:
@@ -115,10 +129,13 @@ class Query:
         goals = [part for goal in goals for part in self._flat(goal, bound)]
         decided = [goal for goal in goals if free_variables(goal) <= bound]
         rest = [goal for goal in goals if goal not in decided]
-        tests = [self._test(goal, bound) for goal in sorted(decided, key=self._price)]
+        decided.sort(key=self._price)
+        tests = [self._remembering(goal, bound) for goal in decided]
         loop: Loop | None = None
         if rest and wanted <= bound:  # one solution is as good as all
-            tests.append(_any(self._scan(rest, bound, wanted)))
+            early = all(self._price(goal) < 2 and not self._makes(goal) for goal in rest)  # looked up before tests
+            place = sum(self._price(goal) < 2 for goal in decided) if early else len(tests)
+            tests.insert(place, _any(self._scan(rest, bound, wanted)))
         elif rest:
             loop = self._scan(rest, bound, wanted)
         elif not wanted <= bound:
@@ -138,6 +155,32 @@ class Query:
         """Of decided conjuncts, what is looked up comes before what is computed, and that before tests."""
         named = {atom.predicate for atom in atoms(goal)}
         return 2 if named & self._situation.base.tests.keys() else int(not isinstance(goal, Atom))
+
+    def _remembering(self, goal: Formula, bound: frozenset[str]) -> Test:
+        """The test of a conjunct; asked again and again with the same values, it looks once while nothing changes."""
+        test, free = self._test(goal, bound), free_variables(goal)
+        if isinstance(goal, Atom) or (isinstance(goal, Not) and isinstance(goal.body, Atom)) or not free < bound:
+            return test
+        situation, key = self._situation, self._key(tuple(sorted(free)))
+        answers: dict[Args, bool] = {}
+        stamp = (0, 0)
+
+        def remembered(env: Env) -> bool:
+            nonlocal stamp
+            if stamp != situation.stamp():
+                stamp = situation.stamp()
+                answers.clear()
+            values = key(env)
+            answer = answers.get(values)
+            if answer is None:
+                answer = answers[values] = test(env)
+            return answer
+
+        return remembered
+
+    def _makes(self, goal: Formula) -> bool:
+        """Whether to look for a conjunct's solutions may call streams."""
+        return self._lazy and any(atom.predicate in self._situation.base.makers for atom in atoms(goal))
 
     def _test(self, goal: Formula, bound: frozenset[str]) -> Test:
         match goal:
@@ -243,7 +286,7 @@ class Query:
 
     def _everything(self, variable: str, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> Loop:
         """Only negations say something of the variable: it ranges over all entities."""
-        self.unguarded = True
+        self._everywhere = True
         values = self._situation.base.values
         return self._nest(
             lambda _: [(name,) for name in values], [(0, self._slot(variable))], [], goals, bound | {variable}, wanted
@@ -256,10 +299,11 @@ class Query:
             case Atom(predicate, args):
                 if predicate in self._situation.base.tests:
                     return _TEST_JOIN
+                if self._situation.is_condition(predicate):
+                    return _LAST
                 size = len(self._situation.relation(predicate)) + 1
                 unbound = sum(arg.startswith("?") and arg not in bound for arg in args)
-                makes = self._lazy and predicate in self._situation.base.makers
-                return float(size ** (unbound / len(args)) + makes * _GENERATE)
+                return float(size ** (unbound / len(args)) + self._makes(goal) * _GENERATE)
             case Not():
                 return _NEVER
         return _BRANCH
@@ -281,12 +325,19 @@ def _any(loop: Loop) -> Test:
 class Situation:
     """One state of one problem, changed in place.
 
-    `limit` says how often a stream may be called on the same inputs; lazy queries call streams up to it. Facts that
-    came last are found first: nothing stands on what was put down last.
+    Lazy queries call streams unless they are `spent`: not to be called on these inputs any more. Facts that came last
+    are found first: nothing stands on what was put down last.
     """
 
-    def __init__(self, program: Program, base: FactBase, state: State, limit: Callable[[str], int] = lambda _: 0):
-        self.program, self.base, self.limit = program, base, limit
+    def __init__(
+        self,
+        program: Program,
+        base: FactBase,
+        state: State,
+        spent: Callable[[Stream, Args], bool] = lambda *_: True,
+    ) -> None:
+        self.program, self.base = program, base
+        self._spent = spent
         order = {name: i for i, name in enumerate(base.values)}
         self._fluents = {name: Relation() for name in program.domain.fluents}
         for fact in sorted(state, key=lambda f: (f[0], [order[a] for a in f[1:]], f)):
@@ -295,6 +346,7 @@ class Situation:
         self._recursive: tuple[tuple[int, int], View] | None = None
         self._effects: dict[str, list[tuple[bool, Atom, Query]]] = {}
         self._inputs: dict[tuple[str, tuple[str, ...]], Query] = {}
+        self._conditions: dict[str, Query] = {}
 
     def query(
         self, formula: Formula, given: Sequence[str] = (), wanted: Sequence[str] = (), *, lazy: bool = False
@@ -302,9 +354,21 @@ class Situation:
         """Compile a formula; a lazy query calls streams for entities that are not sampled yet."""
         return Query(self, formula, given, wanted, lazy)
 
+    def condition(self, formula: Formula, variables: Args) -> Atom:
+        """An atom that is true where a formula is, and never calls streams, also in lazy queries; something else in the
+        query has to bind the variables.
+        """
+        name = f"condition {len(self._conditions)}"
+        self._conditions[name] = self.query(formula, variables)
+        return Atom(name, variables)
+
     def state(self) -> State:
         """The present state."""
         return frozenset((name, *row) for name, relation in self._fluents.items() for row in relation.rows)
+
+    def stamp(self) -> tuple[int, int]:
+        """What is different whenever the state or the facts that streams have certified are (but for tests)."""
+        return self._version, self.base.revision
 
     def change(self, added: Iterable[Fact], deleted: Iterable[Fact]) -> None:
         """Add facts that do not hold and delete facts that do."""
@@ -333,12 +397,15 @@ class Situation:
             [f for f in deleted if f not in added and f[1:] in self._fluents[f[0]]],
         )
 
+    def is_condition(self, predicate: str) -> bool:
+        """Whether a predicate is one made by `condition`."""
+        return predicate in self._conditions
+
     def relation(self, predicate: str) -> Relation:
         """The tuples of a fluent, static, certified or recursively derived predicate."""
         if predicate in self.program.recursive:
-            version = (self._version, len(self.base.values))
-            if self._recursive is None or self._recursive[0] != version:
-                self._recursive = (version, View(self.program, self.base, self.state()))
+            if self._recursive is None or self._recursive[0] != self.stamp():
+                self._recursive = (self.stamp(), View(self.program, self.base, self.state()))
             return Relation(self._recursive[1].extension(predicate))
         found = self._fluents.get(predicate)
         return self.base.static.setdefault(predicate, Relation()) if found is None else found
@@ -347,6 +414,8 @@ class Situation:
         """A test whether a tuple is in a relation."""
         if predicate in self.program.recursive:
             return lambda args: args in self.relation(predicate)
+        if predicate in self._conditions:
+            return self._conditions[predicate].holds
         rows = self.relation(predicate).rows
         if predicate in self.base.tests:
             truth = self.base.truth
@@ -395,6 +464,3 @@ class Situation:
                     binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
                     yield tuple(binding.get(a, a) for a in atom.args)
             waiting = again
-
-    def _spent(self, stream: Stream, inputs: Args) -> bool:
-        return self.base.drawn(stream, inputs) >= self.limit(stream.name) or self.base.exhausted(stream, inputs)

@@ -133,15 +133,20 @@ def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
             added, deleted = situation.effects(DOMAIN.action(step.schema), step.args)
             assert (states[-1] - set(deleted)) | set(added) == successor
             assert not set(added) & states[-1] and set(deleted) <= states[-1]
-            foretold, toggles = watches.peek(added, deleted)
-            assert foretold == expected(successor)
-            assert situation.state() == states[-1] and watches.counts() == expected(states[-1])
+            toggles = {}
+            here, there = expected(states[-1]), expected(successor)
+            for name, change in watches.peek(added, deleted, toggles):
+                sign = (there[name] > here[name]) - (there[name] < here[name])
+                assert change == (here[name] > 0, there[name] > 0, sign)
+            assert situation.state() == states[-1] and watches.counts() == here
             situation.change(added, deleted)
             watches.change(added, deleted, toggles if number % 2 else None)
             states.append(successor)
             done.append((added, deleted))
         assert situation.state() == states[-1]
-        assert watches.counts() == expected(states[-1])
+        counts = expected(states[-1])
+        assert watches.positive() == {name: count > 0 for name, count in counts.items()}
+        assert watches.counts() == counts
 
 
 def test_lazy_queries_draw_up_to_the_limit_and_remember():
@@ -154,7 +159,11 @@ def test_lazy_queries_draw_up_to_the_limit_and_remember():
     for fact in (("e", "a"), ("e", "b"), ("r", "a", "a"), ("r", "b", "b")):
         base.add(fact)
     limits = {"make": 3}
-    situation = Situation(PROGRAM, base, frozenset({("p", "a")}), limits.__getitem__)
+
+    def spent(stream, inputs):
+        return base.exhausted(stream, inputs) or base.drawn(stream, inputs) >= limits[stream.name]
+
+    situation = Situation(PROGRAM, base, frozenset({("p", "a")}), spent)
     formula = And((Atom("p", ("?x",)), Atom("made", ("?x", "?y"))))
     query = situation.query(formula, (), ("?x", "?y"), lazy=True)
     assert not list(situation.query(formula, (), ("?x",)).solutions())
@@ -193,3 +202,37 @@ def test_effects_are_those_of_the_semantics(step):
     state = frozenset({("p", "a"), ("p", "c")})
     added, deleted = Situation(PROGRAM, base, state).effects(DOMAIN.action("go"), step.args)
     assert (sorted(added), deleted) == ([("p", "b"), ("q", "b", "c")], [("p", "a")])
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(formulas(), min_size=1, max_size=3), structures())
+def test_what_moves_by_an_action_is_told_from_its_parameters(bodies, structure):
+    """Every tuple that a step lets into an extension, or puts out, is one that its arguments name."""
+    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(free_variables(body)))), body) for i, body in enumerate(bodies)]
+    watches = Watches(Situation(PROGRAM, structure.base, structure.state), axioms)
+    view = View(PROGRAM, structure.base, structure.state)
+    for axiom, body in zip(axioms, bodies, strict=True):
+        before = extension(structure, body, axiom.head.args, structure.state)
+        for step in applicable(view):
+            after = extension(structure, body, axiom.head.args, apply(view, step))
+            schema = DOMAIN.action(step.schema)
+            for entering, moved in ((True, after - before), (False, before - after)):
+                rows = watches.moved_by(axiom.head.predicate, schema, entering)
+                binding = dict(zip(schema.parameters, step.args, strict=True))
+                assert rows is None or moved <= {tuple(binding.get(a, a) for a in row) for row in rows}
+
+
+def test_a_condition_calls_no_streams_in_a_lazy_query():
+    base = FactBase(
+        DOMAIN,
+        STREAMS,
+        {"make": from_gen_fn(lambda x: iter([(1,), (2,)])), "test": from_test(lambda x, y: True)},
+        {n: n for n in NAMES},
+    )
+    for fact in (("e", "a"), ("e", "b"), ("r", "a", "a"), ("r", "b", "b")):
+        base.add(fact)
+    base.draw(STREAMS[0], ("b",))
+    situation = Situation(PROGRAM, base, frozenset({("p", "a"), ("p", "b")}), base.exhausted)
+    condition = situation.condition(Exists(("?y",), Atom("made", ("?x", "?y"))), ("?x",))
+    query = situation.query(And((condition, Atom("p", ("?x",)))), (), ("?x",), lazy=True)
+    assert list(query.solutions()) == [("b",)] and base.statistics["make"].calls == 1
