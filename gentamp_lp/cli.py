@@ -670,12 +670,10 @@ def report(
     from gentamp_lp.task import Task
 
     policy = Policy.load(folder)
-    known = plan and Plan.load(plan)
+    known = None if plan is None else Plan.load(plan)
     learned_from = read_report(folder).get("settings", {}).get("task")
     loaded = Task.load(task or (known.task if known else learned_from or policy.task), trust=trust)
-    document = collect(
-        policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=_Progress(quiet)
-    )
+    document = collect(policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=_Progress(quiet))
     path = out or folder.absolute().with_name(f"{folder.absolute().name}-report.html")
     text = page(document)
     write_text(path, text)

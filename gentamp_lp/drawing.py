@@ -83,7 +83,9 @@ def _boxes(policy: Policy) -> dict[Valuation, _Box]:
         rule = policy.rule_for(look)
         loop = _label(policy, rule.action) if rule and look in rule.outcomes else ""
         side = 34 + _width(loop, 6.6) if loop else 0.0
-        boxes[look] = _Box(lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body, name=policy.show(look))
+        boxes[look] = _Box(
+            lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body, name=policy.show(look)
+        )
     return boxes
 
 

@@ -138,9 +138,7 @@ def retrace(policy: Policy, data: Dataset, task: Task) -> list[list[ExplainedSta
             state, step = data.states[number], next_step.get(number)
             fluents = frozenset(fact for fact in state.facts if fact[0] not in task.program.axioms)
             shown = f"{step.action}({', '.join(step.args)})" if step else ""
-            found[state.problem].append(
-                _explained(policy, features, View(program, base, fluents), shown, state.goal)
-            )
+            found[state.problem].append(_explained(policy, features, View(program, base, fluents), shown, state.goal))
             number = step.target if step else None
     return found
 

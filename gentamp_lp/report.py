@@ -43,9 +43,7 @@ def report(
     )
     runs = [
         _run(f"Demonstration {number}: size {problem.size}, seed {problem.seed}", states)
-        for number, (problem, states) in enumerate(
-            zip(data.problems, retrace(policy, data, task), strict=True), 1
-        )
+        for number, (problem, states) in enumerate(zip(data.problems, retrace(policy, data, task), strict=True), 1)
     ]
     if plan is not None:
         runs.insert(0, _planned(policy, task, plan))

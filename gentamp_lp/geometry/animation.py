@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
-import numpy as np
-
 from gentamp_lp.geometry.bullet import Camera
 from gentamp_lp.geometry.render import TABLE_TOP, WOOD, smooth
 from gentamp_lp.geometry.replay import State
@@ -86,7 +84,10 @@ def _mesh(link: Link) -> Any:
     """What to draw of a link: its finer mesh if there is one."""
     import trimesh
 
-    found = trimesh.load(link.look, force="mesh") if link.look is not None else link
-    mesh = trimesh.Trimesh(np.asarray(found.vertices), np.asarray(found.faces))
+    vertices, faces = link.vertices, link.faces
+    if link.look is not None:
+        look: Any = trimesh.load(link.look, force="mesh")
+        vertices, faces = look.vertices, look.faces
+    mesh: Any = trimesh.Trimesh(vertices, faces)
     mesh.visual.face_colors = _WHITE
     return mesh

@@ -54,7 +54,7 @@ function choose(name) {
   fill("state", make("h3", (title || name).split(" ")[0]), ...marks.filter(Boolean), make("table", rows, {class: "values"}),
     make("p", state.goal ? "Nothing is left to do here." : state.does ? `The policy does ${state.does}.` : "The policy has no rule here.", {class: "next"}),
     ...(state.outcomes.length ? [make("p", "It may lead to"), make("p", state.outcomes.map(jump))] : []),
-    ...(ends.length ? [make("p", `Why this does not go on for ever: ${ends.join(", ")} (see below).`, {class: "quiet"})] : []));
+    ...(ends.length ? [make("p", `Why this does not go on for ever: see ${ends.join(", ")} under “Why it ends”.`, {class: "quiet"})] : []));
 }
 
 for (const node of nodes) {
@@ -164,8 +164,9 @@ class Player {
 
   ready() {
     const {scene, camera, controls, THREE, tracklight, onWindowResize} = (this.window = this.frame.contentWindow);
-    tracklight.intensity = 0.7;
-    scene.add(new THREE.HemisphereLight(0xffffff, 0x8899aa, 0.75));
+    tracklight.intensity = 0.6;
+    scene.add(new THREE.HemisphereLight(0xffffff, 0x8899aa, 0.65));
+    scene.traverse(({material}) => material && Object.assign(material, {metalness: 0, roughness: 0.9}));
     scene.background = new THREE.Color(matchMedia("(prefers-color-scheme:dark)").matches ? 0x26313c : 0xeef2f6);
     camera.up.set(0, 0, 1);
     camera.fov = this.camera.angle;
