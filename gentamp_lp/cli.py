@@ -671,8 +671,9 @@ def report(
 
     policy = Policy.load(folder)
     known = None if plan is None else Plan.load(plan)
-    learned_from = read_report(folder).get("settings", {}).get("task")
-    loaded = Task.load(task or (known.task if known else learned_from or policy.task), trust=trust)
+    learned_from = str(read_report(folder).get("settings", {}).get("task", ""))
+    own = learned_from if Path(learned_from).is_file() else policy.task
+    loaded = Task.load(task or (known.task if known else own), trust=trust)
     document = collect(policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=_Progress(quiet))
     path = out or folder.absolute().with_name(f"{folder.absolute().name}-report.html")
     text = page(document)

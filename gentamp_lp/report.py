@@ -35,6 +35,9 @@ def report(
     The demonstrations come from the cache, or are planned again with the bundle's settings. Raises InputError for a
     plan of another task or one that is not valid, and what `demonstrate` raises.
     """
+    if task.name != policy.task:
+        what = "task" if plan is None else "plan"
+        raise InputError(Diagnostic(f"the {what} is for task `{task.name}`, the policy for `{policy.task}`", folder))
     told = read_report(folder)
     settings = told.get("settings", {})
     seed, robot, around = settings.get("seed", 0), settings.get("robot"), settings.get("around", True)

@@ -30,7 +30,7 @@ def written(load: Learned, tmp_path_factory: pytest.TempPathFactory) -> Path:
     plan = solve(load.task, "2-2", 1, policy=load.policy).plan
     assert plan is not None
     plan.save(folder / "plan.json")
-    done = run("report", "load", "--plan", "plan.json", "--json", cwd=folder)
+    done = run("report", "load", "--plan", "plan.json", "--json", "--no-cache", cwd=folder)
     assert done.returncode == 0, done.stderr
     (folder / "shown.json").write_text(done.stdout)
     return folder
@@ -78,20 +78,20 @@ def test_names_in_the_graph_are_escaped(unstack: Learned, tmp_path: Path) -> Non
     first, *others = unstack.policy.actions
     hostile = replace(first, schemas=('"><img src=x onerror=alert(1)>',))
     policy = replace(unstack.policy, actions=(hostile, *others))
-    assert "<img" not in report(policy, tmp_path, unstack.task)["graph"]
+    assert "<img" not in report(policy, tmp_path, unstack.task, cache=False)["graph"]
 
 
 def test_a_bundle_without_a_report_has_a_page(unstack: Learned, tmp_path: Path) -> None:
     unstack.save(tmp_path / "old")
     (tmp_path / "old" / "report.json").unlink()
-    shown = report(Policy.load(tmp_path / "old"), tmp_path / "old", unstack.task)
+    shown = report(Policy.load(tmp_path / "old"), tmp_path / "old", unstack.task, cache=False)
     assert shown["seconds"] == {} and shown["pruning"] == [] and len(shown["runs"]) == 1
     page(shown)
 
 
 def test_a_plan_of_another_task_is_refused(written: Path, unstack: Learned) -> None:
     unstack.save(written / "unstack")
-    done = run("report", "unstack", "--plan", "plan.json", cwd=written)
+    done = run("report", "unstack", "--plan", "plan.json", "--no-cache", cwd=written)
     assert done.returncode == 2 and "is for task `load`" in done.stderr
     assert not (written / "unstack-report.html").exists()
 
@@ -105,7 +105,13 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
 
     options = webdriver.ChromeOptions()
     options.binary_location = BROWSER
-    for argument in ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"):
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--window-size=1300,1000",
+    ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     with webdriver.Chrome(options, webdriver.ChromeService(DRIVER)) as browser:
@@ -127,7 +133,7 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
             assert state["values"][0] in text("#state")
             assert (state["does"] or "Nothing is left") in text("#state")
         node = graph.find_element("css selector", ".s")
-        node.find_element("css selector", "rect").click()
+        node.find_element("css selector", "text").click()
         assert "chosen" in str(node.get_attribute("class"))
 
         states = shown["runs"][0]["states"]
