@@ -136,7 +136,7 @@ function play() {
   }
   let last = performance.now();
   const tick = (now) => {
-    player.at(player.place + (now - last) / 60);
+    player.at(player.place + Math.max(0, now - last) / 60);  // the first frame may have begun before the click
     last = now;
     const reached = player.reached();
     if (reached !== index) show(reached);
