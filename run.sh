@@ -34,6 +34,8 @@ fi
 
 if [ "${1:-}" = test ]; then
     shift
+    command -v chromedriver >/dev/null 2>&1 || need chromium chromium-driver ||
+        echo "no browser could be installed: the report page is not tested in one" >&2
     .venv/bin/ruff check .
     .venv/bin/mypy
     exec .venv/bin/python -m pytest "$@"

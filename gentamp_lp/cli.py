@@ -639,6 +639,53 @@ def _some(entities: list[str] | None, most: int = 4) -> str:
     return f" ({', '.join(entities[:most])}{', …' if len(entities) > most else ''})"
 
 
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="Plan file (solve --out) to play back in three dimensions.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="The HTML file [DIR-report.html beside DIR].")] = None,
+    task: Annotated[
+        str | None, typer.Option("--task", help="Task of the policy, when it was moved since learning.")
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", min=1, help="Seconds for demonstrations that are not in the cache.")
+    ] = 600.0,
+    cache: CacheOpt = True,
+    json_: JsonOpt = False,
+    quiet: QuietOpt = False,
+    trust: TrustOpt = False,
+) -> None:
+    """Write a policy, its demonstrations and perhaps a plan as one HTML page that needs no network.
+
+    The page has the policy graph (click a state), the features with the entities that satisfy them, every
+    demonstration and the plan step by step, and how learning went. `--json` prints what the page shows.
+
+    Example: `gentamp-lp report runs/load --plan plan.json --out load.html`
+    """
+    from gentamp_lp.files import write_text
+    from gentamp_lp.plan import Plan
+    from gentamp_lp.policy import Policy
+    from gentamp_lp.refinement import read_report
+    from gentamp_lp.report import page
+    from gentamp_lp.report import report as collect
+    from gentamp_lp.task import Task
+
+    policy = Policy.load(folder)
+    known = None if plan is None else Plan.load(plan)
+    learned_from = str(read_report(folder).get("settings", {}).get("task", ""))
+    own = learned_from if Path(learned_from).is_file() else policy.task
+    loaded = Task.load(task or (known.task if known else own), trust=trust)
+    document = collect(policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=_Progress(quiet))
+    path = out or folder.absolute().with_name(f"{folder.absolute().name}-report.html")
+    text = page(document)
+    write_text(path, text)
+    if json_:
+        _print_json({"file": str(path), "bytes": len(text.encode()), **document})
+    messages.print(f"report written to {path}", soft_wrap=True)
+
+
 @app.command("compile")
 def compile_(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Policy bundle.")],

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 from grandalf.graphs import Edge, Graph, Vertex
 from grandalf.layouts import SugiyamaLayout
@@ -40,13 +40,17 @@ class _Box:
     loop: str = ""
     xy: Point = (0.0, 0.0)
     body: float = 0.0
+    name: str = ""
 
     def edge(self, upper: bool) -> float:
         return self.xy[1] + (-self.h / 2 if upper else self.h / 2)
 
 
-def draw(policy: Policy) -> str:
-    """Return the SVG text."""
+def draw(policy: Policy, *, legend: bool = True) -> str:
+    """Return the SVG text, perhaps without the features below it.
+
+    Each abstract state is a group with class `s` and its printed conditions as `data-state`.
+    """
     boxes = _boxes(policy)
     vertices = {look: Vertex(look) for look in boxes}
     wires: list[tuple[Vertex, Vertex]] = []
@@ -63,7 +67,7 @@ def draw(policy: Policy) -> str:
             labels.append(label)
             wires += [(vertices[rule.valuation], label), (label, vertices[after])]
     paths = _layout(policy, [*vertices.values(), *labels], wires, views, order)
-    return _svg(policy, views, paths)
+    return _svg(policy, views, paths, legend)
 
 
 def _boxes(policy: Policy) -> dict[Valuation, _Box]:
@@ -79,7 +83,9 @@ def _boxes(policy: Policy) -> dict[Valuation, _Box]:
         rule = policy.rule_for(look)
         loop = _label(policy, rule.action) if rule and look in rule.outcomes else ""
         side = 34 + _width(loop, 6.6) if loop else 0.0
-        boxes[look] = _Box(lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body)
+        boxes[look] = _Box(
+            lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body, name=policy.show(look)
+        )
     return boxes
 
 
@@ -186,13 +192,13 @@ def _ports(edges: list[Edge], views: dict[Vertex, _Box]) -> list[list[Point]]:
     return paths
 
 
-def _svg(policy: Policy, views: dict[Vertex, _Box], paths: list[list[Point]]) -> str:
-    legend = [f"{f.name}: {f.text or f.formula}" for f in policy.features]
+def _svg(policy: Policy, views: dict[Vertex, _Box], paths: list[list[Point]], described: bool) -> str:
+    legend = [f"{f.name}: {f.text or f.formula}" for f in policy.features if described]
     points = [point for path in paths for point in path]
     width = max([b.xy[0] + b.w / 2 for b in views.values()] + [x for x, _ in points])
     left = min([0.0] + [x for x, _ in points])
     height = max([b.edge(upper=False) for b in views.values()] + [y for _, y in points])
-    width = max(width - left, *(_width(line, 6.6) for line in legend), 60.0) + 2 * _MARGIN
+    width = max([width - left, *(_width(line, 6.6) for line in legend), 60.0]) + 2 * _MARGIN
     total = height + 2 * _MARGIN + _LINE * (len(legend) + 1)
     shift = (_MARGIN - left, _MARGIN)
     out = [
@@ -242,6 +248,7 @@ def _caption(label: str, x: float, y: float) -> str:
 def _node(box: _Box) -> Iterator[str]:
     x, y = box.xy
     left, top = x - box.body / 2, box.edge(upper=True)
+    yield f'<g class="s" data-state={quoteattr(box.name)}>'
     style = {"goal": "g", "initial": "i"}.get(box.kind, "n")
     if box.loop:
         side, low = x + box.body / 2, y + 16
@@ -261,3 +268,4 @@ def _node(box: _Box) -> Iterator[str]:
             f'<text class="{"h" if i == 0 else "v"}" x="{x:.1f}" y="{top + _PAD + _LINE * (i + 0.72):.1f}" '
             f'text-anchor="middle">{escape(line)}</text>'
         )
+    yield "</g>"

@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from gentamp_lp.dataset import Dataset
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features, valuation
 from gentamp_lp.plan import Plan
-from gentamp_lp.policy import Feature, Policy
+from gentamp_lp.policy import Feature, Policy, Rule
 from gentamp_lp.refinement import read_report
+from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.incremental import quota_for, sample, simulate
 from gentamp_lp.streams.semantics import Program, View, reads
 from gentamp_lp.task import Task
@@ -115,6 +117,32 @@ def trace(policy: Policy, plan: Plan, task: Task) -> list[ExplainedState]:
     ]
 
 
+def retrace(policy: Policy, data: Dataset, task: Task) -> list[list[ExplainedState]]:
+    """What the policy says in each state of each demonstration, one list a training problem.
+
+    Features are evaluated on the recorded facts: what was not sampled or tested then does not hold.
+    """
+    features = Features.of(policy.features)
+    program = Program.of(task.folder.domain, features.axioms)
+    sorts = {name: tuple(row) for name, row in data.predicates.items()}
+    next_step = {t.source: t for t in data.transitions if t.demonstrated}
+    found: list[list[ExplainedState]] = [[] for _ in data.problems]
+    for first in (number for number, state in enumerate(data.states) if state.initial):
+        problem = data.problems[data.states[first].problem]
+        names = dict.fromkeys(name for entities in problem.entities.values() for name in entities)
+        base = FactBase(task.folder.domain, (), {}, names, sorts)
+        for fact in problem.static:
+            base.add(fact)
+        number: int | None = first
+        while number is not None:
+            state, step = data.states[number], next_step.get(number)
+            fluents = frozenset(fact for fact in state.facts if fact[0] not in task.program.axioms)
+            shown = f"{step.action}({', '.join(step.args)})" if step else ""
+            found[state.problem].append(_explained(policy, features, View(program, base, fluents), shown, state.goal))
+            number = step.target if step else None
+    return found
+
+
 def _explained(policy: Policy, features: Features, view: View, step: str, goal: bool) -> ExplainedState:
     values = features.values(view)
     look = tuple(valuation(values).values())
@@ -124,12 +152,17 @@ def _explained(policy: Policy, features: Features, view: View, step: str, goal: 
     elif rule is None:
         does = "nothing: the policy has no rule for this abstract state"
     else:
-        action = policy.action(rule.action)
-        does = f"{action.name} ({', '.join(action.schemas)}): {_changes(policy.features, action.effects)}"
+        does = purpose(policy, rule)
     holds = {
         f.name: sorted(row[0] for row in view.extension(f.name)) for f in policy.features if f.variable is not None
     }
     return ExplainedState(values, holds, policy.show(look), does, step)
+
+
+def purpose(policy: Policy, rule: Rule) -> str:
+    """What a rule does, and to which features."""
+    action = policy.action(rule.action)
+    return f"{action.name} ({', '.join(action.schemas)}): {_changes(policy.features, action.effects)}"
 
 
 def _changes(features: Iterable[Feature], effects: dict[str, str]) -> str:

@@ -103,6 +103,7 @@ class Learned:
             "problems": len(self.dataset.problems),
             "pool_size": self.pool.size,
             "pool_statistics": dict(self.pool.statistics),
+            "pruning": [{"level": row.level, "rule": row.rule, **row.counts} for row in self.pool.pruned],
             "refinement_rounds": self.rounds,
             "refined_on": [asdict(failure) for failure in self.refined_on],
             "validation": self.task.validation_sizes,

@@ -1,7 +1,18 @@
 """The tabletop domain's Python side: scenes, samplers, the geometric check of plans, and pictures."""
 
-from .plans import check_facts, check_plan, decode, encode, render_plan
+from .plans import animate_plan, check_facts, check_plan, decode, encode, render_plan
 from .samplers import stream_map
 from .scene import Scene, World, make_world
 
-__all__ = ["Scene", "World", "check_facts", "check_plan", "decode", "encode", "make_world", "render_plan", "stream_map"]
+__all__ = [
+    "Scene",
+    "World",
+    "animate_plan",
+    "check_facts",
+    "check_plan",
+    "decode",
+    "encode",
+    "make_world",
+    "render_plan",
+    "stream_map",
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from gentamp_lp.geometry.animation import Animation, animate
 from gentamp_lp.geometry.bullet import Camera
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.mobile import Mobile
@@ -195,7 +196,7 @@ def check_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -
 
 
 def _replay(
-    world: World, steps: Sequence[Step], values: Mapping[str, Any], watch: Callable[[State], object] | None
+    world: World, steps: Iterable[Step], values: Mapping[str, Any], watch: Callable[[State], object] | None
 ) -> list[str]:
     supports = {fact[1]: fact[3] for fact in world.static if fact[0] == "pose"}
     with Replay(world.robot, watch, tables=world.tables, base=world.base.place) as replay:
@@ -247,6 +248,19 @@ def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], 
     else:
         images = film(world.robot, shapes, smooth(world.robot, states), _view(world, MOVIE), world.tables)
         save_movie(images, path, seconds=0.08)
+
+
+def animate_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -> Animation:
+    """The plan for a viewer in three dimensions: the moments before the first step, and of each step."""
+    moments: list[list[State]] = [[]]
+
+    def begun() -> Iterator[Step]:
+        for step in steps:
+            moments.append([])
+            yield step
+
+    _replay(world, begun(), values, lambda state: moments[-1].append(state))
+    return animate(world.robot, world.shapes, moments, _view(world, STILL), world.tables, _mats(world).values())
 
 
 def _view(world: World, camera: Camera) -> Camera:

@@ -24,8 +24,8 @@ STILL = Camera()
 MOVIE = replace(STILL, width=480, height=360)
 """View of an animation."""
 
-_WOOD: Rgba = (0.80, 0.72, 0.62, 1.0)
-_TOP = box(1.10, 1.30, 0.04), pose(0.30, 0.0, -0.04)
+WOOD: Rgba = (0.80, 0.72, 0.62, 1.0)
+TABLE_TOP = box(1.10, 1.30, 0.04), pose(0.30, 0.0, -0.04)
 
 
 class Scene(Closing):
@@ -34,12 +34,12 @@ class Scene(Closing):
     `tables` are their shapes and poses; the default is a table top in front of a robot at the origin.
     """
 
-    def __init__(self, robot: Robot, tables: Sequence[tuple[Shape, Array]] = (_TOP,)) -> None:
+    def __init__(self, robot: Robot, tables: Sequence[tuple[Shape, Array]] = (TABLE_TOP,)) -> None:
         self._world = Bullet()
         self._model = load_model(self._world, robot)
         self._bodies: dict[str, int] = {}
         for shape, where in tables:
-            self._world.add(replace(shape, rgba=_WOOD), where)
+            self._world.add(replace(shape, rgba=WOOD), where)
 
     def close(self) -> None:
         """Free the PyBullet world."""
@@ -101,7 +101,7 @@ def film(
     tables: Sequence[tuple[Shape, Array]] = (),
 ) -> Iterator[Image.Image]:
     """Yield a picture of each state; `shapes` gives the objects to draw, `tables` the tables of a room."""
-    with Scene(robot, tables or (_TOP,)) as scene:
+    with Scene(robot, tables or (TABLE_TOP,)) as scene:
         for state in states:
             for name, shape in shapes.items():
                 if name in state.poses:
