@@ -33,10 +33,10 @@ def mask(text):
 
 def test_the_table():
     rows = re.findall(r"^\| `([\w.-]+)`: [^|]*\| ([\d,]+) \| ([\w-]+) \| (\d+|–) \|", TEXT, re.MULTILINE)
-    files = {path.name for path in (ROOT / "docs" / "examples" / "synthesis").iterdir()}
+    files = {path.name for path in (ROOT / "docs" / "examples" / "08-qnp").iterdir()}
     assert {row[0] for row in rows} == files
     for name, states, level, size in rows:
-        problem = read_problem([ROOT / "docs" / "examples" / "synthesis" / name])
+        problem = read_problem([ROOT / "docs" / "examples" / "08-qnp" / name])
         found = synthesize(problem, minimize=True)
         assert f"{len(problem.states):,}" == states
         assert (
