@@ -149,9 +149,10 @@ def line_of(path: Path, symbol: str) -> int | None:
     """The line where a file defines a symbol: a class, function or method, a rule or predicate, a PDDL or YAML name."""
     text, end = path.read_text(encoding="utf-8"), 0
     for name in map(re.escape, symbol.split(".")):
-        python = rf"^ *(?:class|def) {name}\b|^{name}\b.* = "
-        other = rf"^(?:rule\({name},|(?!%).*(?<![\w-]){name}(?![\w-]))"
-        match = re.compile(python if path.suffix == ".py" else other, re.MULTILINE).search(text, end)
+        python = (rf"^ *(?:class|def) {name}\b", rf"^{name}\b.* = ")
+        other = (rf"^rule\({name},", rf"^(?!%).*(?<![\w-]){name}(?![\w-])")
+        patterns = python if path.suffix == ".py" else other
+        match = next(filter(None, (re.compile(p, re.MULTILINE).search(text, end) for p in patterns)), None)
         if match is None:
             return None
         end = match.end()

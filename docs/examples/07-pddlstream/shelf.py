@@ -1,6 +1,8 @@
 """Two boxes of width 1 stand on a shelf of width 2.5 without overlapping."""
 
 import random
+import sys
+from pathlib import Path
 
 from gentamp_lp.streams import And, Exists, PDDLProblem, from_gen_fn, from_test, solve
 
@@ -37,3 +39,12 @@ result = solve(PDDLProblem(DOMAIN, {}, STREAMS, functions, init, goal), max_time
 plan, cost, certificate = result
 print(cost, [action.name for action in plan])
 print(result.status, result.report.streams["spot"].calls > 0)
+
+if len(sys.argv) > 1:  # a picture of the plan
+    boxes = "".join(
+        f'<rect x="{10 + 100 * x}" y="10" width="100" height="60" fill="{box}" fill-opacity="0.7"/>'
+        for _, (box, x) in plan
+    )
+    shelf = '<rect x="10" y="70" width="250" height="8" fill="#44546a"/>'
+    picture = f'<svg xmlns="http://www.w3.org/2000/svg" width="270" height="90">{boxes}{shelf}</svg>\n'
+    Path(sys.argv[1]).write_text(picture, encoding="utf-8")
