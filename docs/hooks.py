@@ -73,7 +73,9 @@ def linked(file: File, files: Files) -> set[str]:
     for path in paths:
         if not (ROOT / path).exists():
             raise PluginError(f"{file.src_uri} links to {path}, which does not exist")
-    return {p for p in paths if not (p.startswith("docs/") and files.get_file_from_path(page_of(p.removeprefix("docs/"))))}
+    return {
+        p for p in paths if not (p.startswith("docs/") and files.get_file_from_path(page_of(p.removeprefix("docs/"))))
+    }
 
 
 def source(path: str) -> str:

@@ -17,7 +17,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 RUN, SHOWN = {"console", "sh", "python", "yaml", "prolog", "lisp", "json"}, {"text"}
-_BLOCK = re.compile(r"(?:<!-- (not run|quoted): ([^>]+) -->\n)?^```([\w-]*)(?: title=\"([\w./-]+)\")?\n(.*?)^```$", re.M | re.S)
+_BLOCK = re.compile(
+    r"(?:<!-- (not run|quoted): ([^>]+) -->\n)?^```([\w-]*)(?: title=\"([\w./-]+)\")?\n(.*?)^```$", re.M | re.S
+)
 _COMMAND = re.compile(r"^\$ (.*(?:\\\n.*)*)\n((?:(?!\$ ).*\n)*)", re.M)
 
 

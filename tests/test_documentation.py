@@ -1,4 +1,4 @@
-"""Every command and snippet of the documentation is run, or says why not; the site builds; notebooks still print the same."""
+"""All of the documentation is run, or says why not; the site builds; notebooks still print the same."""
 
 import importlib.util
 import os

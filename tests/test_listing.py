@@ -144,7 +144,9 @@ def test_other_problems_than_the_training_problems() -> None:
 
 def documented_clauses(name: str) -> None:
     text = (DOCS / "features.md").read_text(encoding="utf-8")
-    clauses = [line for line in (DOCS / "examples" / "05-own-words" / name).read_text().splitlines() if line and line[0] != "%"]
+    clauses = [
+        line for line in (DOCS / "examples" / "05-own-words" / name).read_text().splitlines() if line and line[0] != "%"
+    ]
     assert "\n".join(clauses) in text
 
 
@@ -162,7 +164,10 @@ def test_the_example_above_adds_a_closure() -> None:
 def test_the_example_home_adds_a_word() -> None:
     documented_clauses("home.lp")
     listed = list_features(
-        Task.load("sort"), complexity=2, grammars=[DOCS / "examples" / "05-own-words" / "home.lp"], formulas=["Movable(x) & ~AtHome(x)"]
+        Task.load("sort"),
+        complexity=2,
+        grammars=[DOCS / "examples" / "05-own-words" / "home.lp"],
+        formulas=["Movable(x) & ~AtHome(x)"],
     )
 
     def with_word(feature: ListedFeature) -> bool:

@@ -2,6 +2,7 @@
 
 import zlib
 from dataclasses import dataclass
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,7 +88,7 @@ def check_plan(world, steps, values):
     stands = [(values[args[1]].left, world.widths[args[0]], args[0]) for name, args in steps if name == "put"]
     stands.sort()
     problems = [f"{box} is beyond the shelf" for left, width, box in stands if not 0 <= left <= world.length - width]
-    for (left, width, box), (next_left, _, other) in zip(stands, stands[1:], strict=False):
+    for (left, width, box), (next_left, _, other) in pairwise(stands):
         if left + width > next_left:
             problems.append(f"{box} and {other} overlap")
     return problems
