@@ -152,7 +152,7 @@ def line_of(path: Path, symbol: str) -> int | None:
     text, end = path.read_text(encoding="utf-8"), 0
     for name in map(re.escape, symbol.split(".")):
         python = (rf"^ *(?:class|def) {name}\b", rf"^{name}\b.* = ")
-        other = (rf"^rule\({name},", rf"^(?!%).*(?<![\w-]){name}(?![\w-])")
+        other = (rf"^rule\({name},", rf"^(?!%)[^;\n]*(?<![\w-]){name}(?![\w-])")
         patterns = python if path.suffix == ".py" else other
         match = next(filter(None, (re.compile(p, re.MULTILINE).search(text, end) for p in patterns)), None)
         if match is None:

@@ -69,6 +69,10 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
     run = subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
+    loaded = [
+        page.name for page in (tmp_path / "site").rglob("*.html") if 'src="http' in page.read_text(encoding="utf-8")
+    ]
+    assert not loaded, "the site works without a network"
     assert "uniqueness" in (tmp_path / "site" / "features.html").read_text(encoding="utf-8")
     for page in ("cli", "api", "grammar", "asp", "formats"):
         assert (tmp_path / "site" / "reference" / f"{page}.html").stat().st_size > 10_000
