@@ -432,7 +432,7 @@ def synthesize(
 ) -> None:
     """Find a policy for a QNP or FOND problem, or prove that there is none and say why.
 
-    Example: `gentamp-lp synthesize docs/examples/synthesis/clear.lp --minimize --out clear.json`
+    Example: `gentamp-lp synthesize docs/examples/08-qnp/clear.lp --minimize --out clear.json`
     """
     from gentamp_lp.files import write_text
     from gentamp_lp.synthesis import report as show
@@ -761,6 +761,28 @@ def check(
         raise typer.Exit(2)
     if not json_:
         _say(f"{len(files)} file(s): no mistakes found")
+
+
+@app.command()
+def schema(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Format; without it, their names.", show_default=False)
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a file format or of what a command prints with `--json`.
+
+    Example: `gentamp-lp schema task > task.schema.json`
+    """
+    from gentamp_lp.formats import FORMATS
+    from gentamp_lp.formats import schema as of
+
+    if name is None:
+        for known, (_, about) in FORMATS.items():
+            _say(f"{known:10}  {about}")
+    elif name in FORMATS:
+        _print_json(of(name))
+    else:
+        raise InputError(Diagnostic(f"unknown format `{name}`", hint=f"one of {', '.join(FORMATS)}"))
 
 
 @app.command()

@@ -144,13 +144,15 @@ def test_other_problems_than_the_training_problems() -> None:
 
 def documented_clauses(name: str) -> None:
     text = (DOCS / "features.md").read_text(encoding="utf-8")
-    clauses = [line for line in (DOCS / "examples" / name).read_text().splitlines() if line and line[0] != "%"]
+    clauses = [
+        line for line in (DOCS / "examples" / "05-own-words" / name).read_text().splitlines() if line and line[0] != "%"
+    ]
     assert "\n".join(clauses) in text
 
 
 def test_the_example_above_adds_a_closure() -> None:
     documented_clauses("above.lp")
-    grammars = [DOCS / "examples" / "above.lp"]
+    grammars = [DOCS / "examples" / "05-own-words" / "above.lp"]
     text = "#y: exists x: {u,w | On(u,w)}+(x,y) & ~exists z: On(z,x)"
     listed = list_features(
         Task.load("unstack"), complexity=4, sizes=["4", "6"], grammars=grammars, formulas=[text], match="⁺"
@@ -162,7 +164,10 @@ def test_the_example_above_adds_a_closure() -> None:
 def test_the_example_home_adds_a_word() -> None:
     documented_clauses("home.lp")
     listed = list_features(
-        Task.load("sort"), complexity=2, grammars=[DOCS / "examples" / "home.lp"], formulas=["Movable(x) & ~AtHome(x)"]
+        Task.load("sort"),
+        complexity=2,
+        grammars=[DOCS / "examples" / "05-own-words" / "home.lp"],
+        formulas=["Movable(x) & ~AtHome(x)"],
     )
 
     def with_word(feature: ListedFeature) -> bool:

@@ -30,7 +30,7 @@ from gentamp_lp.learning import Learned
 from gentamp_lp.planning import solve
 from gentamp_lp.task import Task
 
-EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "toys.yaml"
+EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "09-meshes" / "toys.yaml"
 SERVE = EXAMPLE.with_name("serve.yaml")
 TRAY = data_path("tray", "tray_textured.obj")
 MUG, DUCK, BRICK = (data_path(*name.split("/")) for name in ("objects/mug.obj", "duck_vhacd.obj", "lego/lego.obj"))

@@ -191,7 +191,7 @@ def test_size_and_time_stay_small() -> None:
 
 # ---- The user's grammar
 
-CLOSURE = (Path(__file__).parent.parent / "docs" / "examples" / "above.lp").read_text()
+CLOSURE = (Path(__file__).parent.parent / "docs" / "examples" / "05-own-words" / "above.lp").read_text()
 
 
 def test_a_user_rule_adds_transitive_closure(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def robot(request):
     made.close()
 
 
-EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "arm" / "arm.yaml"
+EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "04-own-robot" / "arm.yaml"
 PR2 = pytest.param("pr2", marks=pytest.mark.skipif(not installed("example-robot-data"), reason="no extra `robots`"))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.json_schema import SkipJsonSchema
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
@@ -113,7 +114,7 @@ class Description(_Section):
         None, gt=0, description="random starts of damped least squares alone, instead of PyBullet's inverse kinematics"
     )
     base: Drive | None = None
-    path: Path = Path()
+    path: SkipJsonSchema[Path] = Path()
 
     @property
     def urdf_path(self) -> Path:

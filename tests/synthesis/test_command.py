@@ -8,7 +8,7 @@ from pathlib import Path
 
 from problem_examples import detours
 
-FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "synthesis"
+FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "08-qnp"
 
 
 def run(*args):

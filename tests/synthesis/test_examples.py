@@ -10,7 +10,7 @@ from gentamp_lp.synthesis.certificate import certificate, check
 from gentamp_lp.synthesis.explaining import explain
 from gentamp_lp.synthesis.reading import parse_problem, read_sources
 
-FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "synthesis"
+FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "08-qnp"
 
 
 @pytest.mark.parametrize(

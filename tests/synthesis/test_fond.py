@@ -9,7 +9,7 @@ from gentamp_lp.synthesis import read_problem, synthesize
 from gentamp_lp.synthesis.certificate import certificate, check
 from gentamp_lp.synthesis.reading import parse_problem, read_sources
 
-FILE = Path(__file__).parents[2] / "docs" / "examples" / "synthesis" / "slippery.pddl"
+FILE = Path(__file__).parents[2] / "docs" / "examples" / "08-qnp" / "slippery.pddl"
 
 DOMAIN = """(define (domain d) (:requirements :typing)
 (:types car bike - vehicle) (:constants mine - car)

@@ -23,7 +23,7 @@ from gentamp_lp.synthesis.reading import read_problem
 from gentamp_lp.validate import validate
 
 BUNDLE = Path(__file__).parent / "policies" / "transport"
-QNP = Path(__file__).parent.parent / "docs" / "examples" / "synthesis"
+QNP = Path(__file__).parent.parent / "docs" / "examples" / "08-qnp"
 TOKENS = re.compile(r"[\w.-]+|\s+|.", re.DOTALL)
 ODD = ("", "0", "-1", "1e308", "9" * 30, ".nan", "null", "{}", "[]", "~", "\0", "é", "'", '"', "(", ")", "?x", ":-",
        "%*", "a" * 3000, "[[", "- ", "&a", "*a", "!!python/object:os.system")  # fmt: skip

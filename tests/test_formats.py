@@ -1,0 +1,82 @@
+"""The JSON Schemas that are shipped describe what users write and what the commands print."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator, ValidationError
+from ruamel.yaml import YAML
+
+from gentamp_lp.formats import schema
+from gentamp_lp.planning import solve
+from gentamp_lp.synthesis import read_problem, synthesize
+from gentamp_lp.synthesis.explaining import explain
+from gentamp_lp.synthesis.report import report
+from gentamp_lp.task import Task
+
+ROOT = Path(__file__).parent.parent
+
+
+def validator(name):
+    document = schema(name)
+    Draft202012Validator.check_schema(document)
+    return Draft202012Validator(document)
+
+
+def read(path):
+    return json.loads(json.dumps(YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))))
+
+
+def test_the_command_prints_the_schema():
+    run = subprocess.run([sys.executable, "-m", "gentamp_lp", "schema", "task"], capture_output=True, check=True)
+    assert json.loads(run.stdout) == schema("task")
+
+
+def test_unknown_formats_are_refused():
+    run = subprocess.run([sys.executable, "-m", "gentamp_lp", "schema", "plan?"], capture_output=True, text=True)
+    assert run.returncode == 2 and "hint: one of task, robot" in run.stderr
+
+
+@pytest.mark.parametrize("path", [*(ROOT / "tasks").glob("*.yaml"), *(ROOT / "docs").rglob("half.yaml")], ids=str)
+def test_task_files(path):
+    document = read(path)
+    validator("task").validate(document)
+    with pytest.raises(ValidationError):
+        validator("task").validate({**document, "trian": [1]})
+
+
+@pytest.mark.parametrize(
+    "path", [*(ROOT / "gentamp_lp").rglob("descriptions/*.yaml"), *(ROOT / "docs").rglob("arm.yaml")]
+)
+def test_robots(path):
+    document = read(path)
+    validator("robot").validate(document)
+    with pytest.raises(ValidationError):
+        validator("robot").validate({**document, "opening": -1})
+
+
+def test_learn_and_its_bundle(learned, tmp_path):
+    learned.save(tmp_path / "bundle")
+    document = json.loads((tmp_path / "bundle" / "report.json").read_text(encoding="utf-8"))
+    validator("learn").validate(document)
+    with pytest.raises(ValidationError):
+        validator("learn").validate({key: value for key, value in document.items() if key != "optimal"})
+
+
+def test_solve_with_and_without_a_plan(unstack):
+    task = Task.load("unstack")
+    for size, limit in ((4, 60), (30, 0.1)):
+        result = solve(task, size, seed=1, policy=unstack.policy if size == 4 else None, time_limit=limit)
+        assert result.valid == (size == 4)
+        validator("solve").validate(json.loads(json.dumps(result.report())))
+
+
+@pytest.mark.parametrize("file", ["clear.lp", "unsolvable.lp", "swing.lp"])
+def test_synthesize(file):
+    found = synthesize(read_problem([ROOT / "docs" / "examples" / "08-qnp" / file]), minimize=True)
+    reason = explain(found.problem, found.fairness) if not found.solvable else None
+    document = json.loads(json.dumps(report(found, reason)))
+    validator("synthesize").validate(document)
+    assert document["solvable"] is (file != "unsolvable.lp")
