@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
@@ -9,8 +10,11 @@ import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from test_cli import run
 
 from gentamp_lp import solve
@@ -96,25 +100,67 @@ def test_a_plan_of_another_task_is_refused(written: Path, unstack: Learned) -> N
     assert not (written / "unstack-report.html").exists()
 
 
-@pytest.mark.skipif(not (BROWSER and DRIVER), reason="no browser: apt-get install chromium chromium-driver")
+def _browser(*arguments: str) -> Any:
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for argument in ("--headless=new", "--no-sandbox", "--window-size=1300,1000", *arguments):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
+
+
+SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+needs_browser = pytest.mark.skipif(
+    not (BROWSER and DRIVER), reason="no browser: apt-get install chromium chromium-driver"
+)
+
+
+@needs_browser
+def test_hostile_words_are_shown_and_not_run(written: Path) -> None:
+    hostile = "</script><script>document.title='taken'</script><img src=https://example.org/x onerror=\"alert(1)\">"
+    shown = json.loads((written / "shown.json").read_text())
+    shown |= {"task": hostile, "description": hostile, "notes": [hostile]}
+    shown["features"][0]["formula"] = hostile
+    shown["runs"][0]["states"][0]["step"] = hostile
+    (written / "hostile.html").write_text(page(shown))
+    with _browser(*SOFTWARE) as browser:
+        browser.get((written / "hostile.html").as_uri())
+        assert browser.find_element("id", "description").text == hostile
+        assert hostile in browser.find_element("id", "moment").text
+        assert hostile in browser.find_element("id", "features").text
+        assert browser.title.startswith("</script>") and not browser.find_elements("css selector", "img")
+        assert _requests(browser) <= {"file", "data"}
+
+
+@needs_browser
+def test_without_webgl_the_steps_still_work(written: Path) -> None:
+    with _browser("--disable-3d-apis") as browser:
+        browser.get((written / "load-report.html").as_uri())
+        assert "cannot draw" in browser.find_element("id", "view").text
+        browser.find_element("id", "next").click()
+        assert "State 1 " in browser.find_element("id", "moment").text
+        browser.find_element("id", "home").click()
+        assert browser.get_log("browser") == []
+
+
+def _requests(browser: Any) -> set[str]:
+    """The schemes of everything that the browser asked for."""
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    assert asked
+    return {url.partition(":")[0] for url in asked}
+
+
+@needs_browser
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (1280, 800)])
 def test_people_can_use_the_page(written: Path, width: int, height: int) -> None:
-    webdriver = pytest.importorskip("selenium.webdriver")
+    pytest.importorskip("selenium.webdriver")
+    from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
     from selenium.webdriver.support.wait import WebDriverWait
 
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for argument in (
-        "--headless=new",
-        "--no-sandbox",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        "--window-size=1300,1000",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    with webdriver.Chrome(options, webdriver.ChromeService(DRIVER)) as browser:
+    with _browser(*SOFTWARE) as browser:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         browser.get((written / "load-report.html").as_uri())
@@ -148,9 +194,23 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
         WebDriverWait(browser, 60).until(lambda _: f"State {len(states) - 1} of" in text("#moment"))
         assert browser.execute_script(where) != before
         WebDriverWait(browser, 10).until(lambda _: text("#play") == "Play")
+        eye = "return document.querySelector('iframe').contentWindow.camera.position.toArray()"
+        first = browser.execute_script(eye)
+        frame = browser.find_element("css selector", "iframe")
+        browser.execute_script("arguments[0].focus()", frame)
+        ActionChains(browser).send_keys(Keys.ARROW_LEFT, Keys.ARROW_UP).perform()
+        WebDriverWait(browser, 10).until(lambda _: browser.execute_script(eye) != first)
+        browser.find_element("id", "home").click()
+        assert browser.execute_script(eye) == pytest.approx(first, abs=1e-6)
+        pixels = np.asarray(Image.open(io.BytesIO(frame.screenshot_as_png)).convert("RGB")).reshape(-1, 3)
+        assert len(np.unique(pixels, axis=0)) > 50  # a picture, not an empty canvas
+        names = {name for found in states[0]["holds"].values() for name in found}
+        browser.find_element("id", "first").click()
+        assert all(name in text("#moment") for name in names)  # all of them, however many
         browser.find_element("css selector", "#run option:last-child").click()
         assert not browser.find_element("id", "stage").is_displayed()
         browser.find_element("id", "next").click()
         assert shown["runs"][-1]["states"][1]["step"] in text("#moment")
         time.sleep(0.2)
         assert browser.get_log("browser") == []
+        assert _requests(browser) <= {"file", "data"}

@@ -93,6 +93,8 @@ def test_all_data_files_are_in_the_wheel(unpacked):
             if p.is_file()
         }
         assert here and here == there
+    pages = [path.name for path in (ROOT / "gentamp_lp" / "page").iterdir()]
+    assert pages and all((unpacked / "gentamp_lp" / "page" / name).is_file() for name in pages)
     assert not [path for path in unpacked.iterdir() if path.name in ("logic", "asp", "domains", "tasks", "tests")]
 
 

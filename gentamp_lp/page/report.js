@@ -73,11 +73,6 @@ for (const node of nodes) {
 
 let run, index = 0, player = null, playing = 0;
 
-function entities(names) {
-  const most = 12;
-  return names.length > most ? `${names.slice(0, most).join(", ")}, … (${names.length})` : names.join(", ");
-}
-
 function show(number) {
   index = Math.max(0, Math.min(number, run.states.length - 1));
   const state = run.states[index], before = run.states[index - 1];
@@ -87,7 +82,7 @@ function show(number) {
     const held = state.holds[feature.name];
     return make("tr", [make("th", feature.name, {scope: "row", title: feature.formula}),
       make("td", [make("strong", String(value)), ...(before && old !== value ? [make("span", ` was ${old}`, {class: "quiet"})] : [])]),
-      make("td", held && held.length ? entities(held) : value && !held ? "holds" : "–", {class: "quiet"})]);
+      make("td", make("div", held && held.length ? held.join(", ") : value && !held ? "holds" : "–", {class: "names"}), {class: "quiet"})]);
   });
   fill("moment", make("h3", `State ${index} of ${run.states.length - 1}`),
     make("p", state.step ? `Next: ${state.step}` : "The end.", {class: "next"}),
@@ -150,9 +145,14 @@ function play() {
 class Player {
   constructor({viewer, frames, camera}) {
     const places = {};
+    const canvas = document.createElement("canvas");
     this.frames = frames.map(([step, moved]) => ({step, places: {...Object.assign(places, moved)}}));
     this.camera = camera;
     this.place = 0;
+    if (!canvas.getContext("webgl2") && !canvas.getContext("webgl")) {
+      fill("view", make("p", "This browser cannot draw in three dimensions; the steps can be followed all the same."));
+      return;
+    }
     const frame = make("iframe", [], {title: "The plan in three dimensions"});
     frame.srcdoc = viewer;
     fill("view", frame);
@@ -174,10 +174,29 @@ class Player {
     camera.position.set(...this.camera.eye);
     controls.target.set(...this.camera.target);
     controls.update();
+    controls.position0.copy(camera.position);
+    controls.target0.copy(controls.target);
+    controls.up0.copy(camera.up);
+    this.window.addEventListener("keydown", (event) => this.turn(event));
     onWindowResize();
     this.nodes = Object.keys(this.frames[0].places).map((n) => scene.getObjectByName(`n${n}`));
     this.at(this.place);
     this.frame.dataset.ready = "yes";
+  }
+
+  home() { this.window?.controls.reset(); }
+
+  turn(event) {
+    const {camera, controls, THREE} = this.window;
+    const offset = camera.position.clone().sub(controls.target);
+    const side = new THREE.Vector3().crossVectors(camera.up, offset).normalize();
+    const turns = {ArrowLeft: [camera.up, -0.1], ArrowRight: [camera.up, 0.1], ArrowUp: [side, -0.1], ArrowDown: [side, 0.1]};
+    const zooms = {"+": 0.9, "-": 1.1};
+    if (event.key in turns) offset.applyAxisAngle(...turns[event.key]);
+    else if (event.key in zooms) offset.multiplyScalar(zooms[event.key]);
+    else return;
+    event.preventDefault();
+    camera.position.copy(controls.target).add(offset);
   }
 
   end(step) { return this.frames.findLastIndex((frame) => frame.step <= step); }
@@ -228,6 +247,7 @@ $("first").addEventListener("click", () => go(0));
 $("back").addEventListener("click", () => go(index - 1));
 $("next").addEventListener("click", () => go(index + 1));
 $("play").addEventListener("click", play);
+$("home").addEventListener("click", () => player.home());
 $("position").addEventListener("input", (event) => go(Number(event.target.value)));
 document.addEventListener("keydown", (event) => {
   if (event.defaultPrevented || event.target.closest?.("input,select,summary,button") || event.altKey || event.ctrlKey || event.metaKey) return;
