@@ -61,6 +61,16 @@ class PoolStatistics(_Document):
     seconds: float
 
 
+class PruningEntry(BaseModel):
+    """What became of the formulas that a rule made at a level: counts by reason, `new` for those that were kept."""
+
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
+    __pydantic_extra__: dict[str, int]
+
+    level: str
+    rule: str
+
+
 class FailureEntry(_Document):
     """A problem on which a policy could not be followed."""
 
@@ -120,6 +130,7 @@ class LearnReport(_Document):
     problems: int
     pool_size: int
     pool_statistics: PoolStatistics
+    pruning: list[PruningEntry]
     refinement_rounds: int
     refined_on: list[FailureEntry]
     validation: list[str]

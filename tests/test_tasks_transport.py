@@ -183,7 +183,7 @@ def test_places_for_trays_are_those_from_which_an_arm_can_unload() -> None:
 
 def test_a_group_that_gets_stuck_is_drawn_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a small area the first things often leave no place for the last."""
-    small = edited(tmp_path, ("y: [-0.40, 0.40]}}\n    destination", "y: [-0.16, 0.40]}}\n    destination"))
+    small = edited(tmp_path, ("y: [-0.40, 0.40], things: 17}}\n    destination", "y: [-0.16, 0.40]}}\n    destination"))
     scene = __import__(small.folder.code.__name__ + ".scene", fromlist=["scene"])
 
     def drawn() -> int:
