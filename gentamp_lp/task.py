@@ -152,6 +152,9 @@ class Task:
         except SceneError as error:
             line = _line(_read_yaml(self.path), ("scene", *error.location))
             raise InputError(*(replace(d, path=self.path, line=line) for d in error.diagnostics)) from None
+        except (KeyError, OverflowError) as error:
+            hint = f"counts name parameters of `size` ({', '.join(self.file.size)}), and numbers are not too large"
+            raise InputError(Diagnostic(f"the scene cannot be built: {error!r}", self.path, hint=hint)) from error
         generators = code.stream_map(world, seed)
         check_stream_map(self.folder, generators)
         sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)

@@ -166,6 +166,8 @@ CASES = {
     "broken YAML": (lambda p: ["learn", p.write(YAML, "name: [1\ngoal: x")], "task.yaml:2", "not valid YAML"),
     "hostile YAML": (
         lambda p: ["learn", p.task("name: unstack", "name: !!python/object/apply:os.system [id]")], "task.yaml", ""),
+    "a count that is no parameter": (
+        lambda p: ["learn", p.task("count: blocks", "count: blobs")], "task.yaml: error: the scene", "blocks"),
     "a list as a key": (
         lambda p: ["learn", p.task("name: unstack", "name: unstack\n[a, b]: x")], "task.yaml", ""),
     "a billion laughs": (
