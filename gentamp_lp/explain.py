@@ -79,13 +79,7 @@ def _uses(policy: Policy, feature: Feature) -> list[str]:
         if feature.name in action.preconditions:
             found.append(f"{schemas} requires {feature.show(action.preconditions[feature.name])}")
         if feature.name in action.effects:
-            word = {
-                "true": "makes it true",
-                "false": "makes it false",
-                "increase": "raises it",
-                "decrease": "lowers it",
-            }
-            found.append(f"{schemas} {word[action.effects[feature.name]]}")
+            found.append(f"{schemas} {_DOES[action.effects[feature.name]]}")
     ends = [number for number, step in enumerate(policy.certificate, 1) if step.feature == feature.name]
     if ends:
         found.append(f"the policy ends because of it (step {', '.join(map(str, ends))} of the certificate)")
