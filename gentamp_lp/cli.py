@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from enum import StrEnum
@@ -285,6 +286,7 @@ def solve(
             raise InputError(Diagnostic(f"the policy in `{folder}` is for task `{guide.task}`, not `{loaded.name}`"))
     if mode is Mode.skeleton and guide is not None:
         names, guide = skeleton_of(loaded, size, seed, guide, robot=robot), None
+    gc.freeze()  # collections during planning need not look at what the libraries keep for good
     result = run(
         loaded,
         size,

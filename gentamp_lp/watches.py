@@ -104,8 +104,9 @@ class Watches:
             in_state = atom.predicate in program.domain.fluents
             if in_state or not lazy:
                 guards = tuple(part for part in beside if self._lasts(part, in_state))
-                if lazy:  # one that is in has to satisfy the rest, too
-                    guards = (*(part for part in guards if part not in conjuncts(body)), body)
+                if lazy:  # one that is in has to satisfy the rest, too; what takes tests is left for later
+                    rest = (part for part in conjuncts(body) if part not in guards and not self._tests(part))
+                    guards = (*guards, *rest)
                 query = situation.query(And(guards), names, variables)
                 watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
             if atom.predicate in self._base.makers and not tested:
@@ -203,6 +204,8 @@ class Watches:
         for row in watch.concerned(added, deleted, False):
             if row not in known:
                 known.add(row)
+                if not watch.member.holds(row):
+                    continue
                 self.situation.change(added, deleted)
                 stays = not all_do and watch.member.holds(row)
                 self.situation.change(deleted, added)

@@ -429,16 +429,26 @@ class Situation:
         relation = self.relation(predicate)
         if predicate in self._fluents:
             return lambda key: relation.find(given, key)[::-1]
-        makers = [(s, a) for s, a in self._makers(predicate) if not {a.args[i] for i in given} & set(s.outputs)]
+        makers = [
+            (stream, atom, self._possible(stream, [atom.args[i] for i in given]))
+            for stream, atom in self._makers(predicate)
+            if not {atom.args[i] for i in given} & set(stream.outputs)
+        ]
         if not lazy or not makers:  # a new entity never equals a given one
             return lambda key: relation.find(given, key)
 
         def known_then_new(key: Args) -> Iterator[Args]:
             yield from relation.find(given, key)
-            for stream, atom in makers:
-                yield from self._draw(stream, atom, {atom.args[i]: value for i, value in zip(given, key, strict=True)})
+            for stream, atom, possible in makers:
+                if possible.holds(key):
+                    known = {atom.args[i]: value for i, value in zip(given, key, strict=True)}
+                    yield from self._draw(stream, atom, known)
 
         return known_then_new
+
+    def _possible(self, stream: Stream, given: Sequence[str]) -> Query:
+        """Of a stream's conditions, those on inputs that are given."""
+        return self.query(And(tuple(atom for atom in stream.domain if free_variables(atom) <= set(given))), given)
 
     def _makers(self, predicate: str) -> Iterator[tuple[Stream, Atom]]:
         for stream in self.base.makers.get(predicate, ()):
