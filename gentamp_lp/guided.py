@@ -4,20 +4,23 @@ In every state the policy names one abstract action. The planner binds the argum
 were seen with it, cheapest conditions first, and checks the abstract effect before the expensive streams (inverse
 kinematics, arm collisions) are called. One state is changed in place, and feature values follow its changes. Streams
 are drawn from lazily and their results kept; where they run dry, more is drawn, then steps are undone chronologically;
-when a round's budget is spent, the search restarts with larger sampling limits.
+when a round's budget is spent, the search restarts with larger sampling limits. In every second round, a plan is
+repaired in place where it gets stuck (module `repair`).
 """
 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.features import Features, effect_of, valuation
 from gentamp_lp.policy import AbstractAction, Policy
+from gentamp_lp.repair import Wish, Wishes
 from gentamp_lp.streams.facts import Args, Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
@@ -65,6 +68,8 @@ class _Phases:
         self.schema = schema
         self.known = tuple(p for p in schema.parameters if p in free_variables(early))
         self.early: Query = situation.query(early, (), self.known, lazy=True)
+        self.allows: Query = situation.query(early, self.known)
+        self.wishes = Wishes(schema.name, early.parts, late, self.known, schema.parameters, situation)
         self.failed: set[Args] = set()  # values of `known` that were no use in some state
         self.late: Query = situation.query(And(late), self.known, schema.parameters, lazy=True)
 
@@ -128,6 +133,7 @@ class _Move:
     """A step that the policy allows, with what it changes."""
 
     step: Step
+    known: Args
     abstract: str
     added: list[Fact]
     deleted: list[Fact]
@@ -167,6 +173,9 @@ class GuidedPlanner:
         self._round = 1  # multiple of the task's sampling limits
         self._here = _Expansion()  # that of the generator that runs at present
         self._deadline = 0.0
+        self._blamed: Counter[Fact] = Counter()  # how often facts were in the way
+        self._wish: tuple[Wish, Wishes] | None = None  # what nothing may get in the way of before it is carried out
+        self._hints: dict[int, tuple[str, Args]] = {}  # depth -> the step to try first there
         self._strays: dict[State, dict[str, int]] = {}  # state -> values of a refused successor without a rule
         self._situation = Situation(self.program, self.base, instance.state, self._spent)
         names = {f.name for f in policy.features}
@@ -191,7 +200,7 @@ class GuidedPlanner:
         total = 0
         for number in range(max_rounds):
             self._round = _GROWTH**number
-            result, failure, backtracks = self._search(_BACKTRACKS * 2**number)
+            result, failure, backtracks = self._search(_BACKTRACKS * 2**number, repairing=number % 2 == 1)
             total += backtracks
             if result is not None:
                 return GuidedResult(*result, rounds=number + 1, backtracks=total)
@@ -241,7 +250,9 @@ class GuidedPlanner:
         if time.monotonic() > self._deadline:
             raise LimitReached("the time limit ended guided planning")
 
-    def _search(self, budget: int) -> tuple[tuple[list[Step], list[State], list[str]] | None, DeadEnd, int]:
+    def _search(
+        self, budget: int, repairing: bool
+    ) -> tuple[tuple[list[Step], list[State], list[str]] | None, DeadEnd, int]:
         states = [self.instance.state]
         moves: list[_Move] = []
         visited = {states[0]}
@@ -249,16 +260,19 @@ class GuidedPlanner:
         deepest = -1
         choices: list[Iterator[_Move]] = []
         backtracks = 0
+        self._wish, self._hints = None, {}
         while True:
             self._check_time()
             if len(choices) < len(states):
                 if not any(self._goal.positive().values()):
                     return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
-                choices.append(self._expand(states[-1]))
+                choices.append(self._expand(states[-1], self._hints.pop(len(choices), ("", ()))))
             following = next((move for move in choices[-1] if move.successor not in visited), None)
             if following is not None:
                 visited.add(following.successor)
                 moves.append(following)
+                if self._wish and self._wish[0][:2] == (following.step.schema, following.known):
+                    self._wish = None
                 states.append(following.successor)
                 self._change(following.added, following.deleted, following.toggles)
                 continue
@@ -267,20 +281,50 @@ class GuidedPlanner:
                 failure = DeadEnd(self._reason(states[-1]), states[-1], list(states))
             backtracks += 1
             if backtracks > budget or not moves:
-                while moves:
-                    self._undo(moves.pop())
+                self._back(0, states, moves, choices)
                 return None, failure, backtracks
-            choices.pop()
-            states.pop()
-            self._undo(moves.pop())
+            kept = self._repair(states[-1], moves) if repairing else len(moves) - 1
+            self._back(kept, states, moves, choices)
+
+    def _back(self, depth: int, states: list[State], moves: list[_Move], choices: list[Iterator[_Move]]) -> None:
+        """Undo steps."""
+        while len(moves) > depth:
+            move = moves.pop()
+            self._change(move.deleted, move.added)
+        del states[depth + 1 :], choices[depth + 1 :]
+
+    def _repair(self, state: State, moves: list[_Move]) -> int:
+        """How many steps to keep at a dead end: those before the first that made what is in the way, or all but one.
+
+        In the former case, the steps after it will be tried again first.
+        """
+        self._wish, self._hints = None, {}
+        made = {fact: number for number, move in enumerate(moves) for fact in move.added}
+        rule = self.policy.rule_for(self._values.positive())
+        if rule is None:
+            return len(moves) - 1
+        action = self.actions[rule.action]
+        for name in action.schemas:
+            phases = self._phases(name, action.name)
+            wanted = partial(self._wanted, phases, action, _Expansion(state))
+            wish = phases.wishes.best(made, self._blamed, wanted)
+            if wish is not None:
+                self._blamed.update(wish.obstacles)
+                self._wish = wish, phases.wishes
+                again = ((i, move) for i, move in enumerate(moves) if wish.obstacles.isdisjoint(move.added))
+                self._hints = {i: (move.step.schema, move.known) for i, move in again}
+                self._hints[len(moves)] = wish[:2]
+                return min(made[fact] for fact in wish.obstacles)
+        return len(moves) - 1
+
+    def _wanted(self, phases: _Phases, action: AbstractAction, here: _Expansion, known: Args) -> bool:
+        """Whether a step would have the abstract effect."""
+        return self._accept(here, *self._changes(phases, known), action, known) is not None
 
     def _change(self, added: list[Fact], deleted: list[Fact], toggles: Toggles | None = None) -> None:
         self._situation.change(added, deleted)
         self._values.change(added, deleted, toggles)
         self._goal.change(added, deleted)
-
-    def _undo(self, move: _Move) -> None:
-        self._change(move.deleted, move.added)
 
     def _reason(self, state: State) -> str:
         values = self._values.counts()
@@ -294,8 +338,11 @@ class GuidedPlanner:
             reason += f" and stays where the policy has a rule: there is none for {stray}"
         return reason
 
-    def _expand(self, state: State) -> Iterator[_Move]:
-        """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others."""
+    def _expand(self, state: State, hint: tuple[str, Args]) -> Iterator[_Move]:
+        """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others.
+
+        The step that `hint` names is the first, if it is one of them.
+        """
         rule = self.policy.rule_for(self._values.positive())
         if rule is None:
             return
@@ -306,7 +353,8 @@ class GuidedPlanner:
             here.short = False
             for name in action.schemas:
                 self._here = here
-                for move in self._moves(self._phases(name, action.name), action, here):
+                first = hint[1] if hint[0] == name else ()
+                for move in self._moves(self._phases(name, action.name), action, here, first):
                     found = True
                     yield move
                     here.dead.add(move.outcome)
@@ -314,13 +362,13 @@ class GuidedPlanner:
             if found or not here.short:
                 return
 
-    def _moves(self, phases: _Phases, action: AbstractAction, here: _Expansion) -> Iterator[_Move]:
+    def _moves(self, phases: _Phases, action: AbstractAction, here: _Expansion, first: Args) -> Iterator[_Move]:
         schema, state = phases.schema, here.state
         postponed: list[Args] = []  # for the others lead elsewhere than where nothing was found
-        for known in chain(self._in_order(phases), postponed):
+        hinted = [first] if first and phases.allows.holds(first) else []
+        for known in chain(hinted, self._in_order(phases), postponed):
             self._check_time()
-            partial = dict(zip(phases.known, known, strict=True))
-            added, deleted = self._situation.effects(schema, tuple(partial.get(p, "") for p in schema.parameters))
+            added, deleted = self._changes(phases, known)
             successor = (state - frozenset(deleted)) | frozenset(added)
             if successor in here.tried:
                 continue
@@ -332,11 +380,28 @@ class GuidedPlanner:
             outcome, toggles = accepted
             if outcome in here.dead and known not in postponed:
                 postponed.append(known)
+            elif self._in_the_way(added, deleted):
+                continue
             elif args := next(phases.late.solutions(known), None):
                 here.tried.add(successor)
-                yield _Move(Step(schema.name, args), action.name, added, deleted, toggles, successor, outcome)
+                yield _Move(Step(schema.name, args), known, action.name, added, deleted, toggles, successor, outcome)
             else:
                 phases.failed.add(known)
+
+    def _changes(self, phases: _Phases, known: Args) -> tuple[list[Fact], list[Fact]]:
+        """The facts that a step adds and deletes."""
+        values = dict(zip(phases.known, known, strict=True))
+        return self._situation.effects(phases.schema, tuple(values.get(p, "") for p in phases.schema.parameters))
+
+    def _in_the_way(self, added: list[Fact], deleted: list[Fact]) -> bool:
+        """Whether a step would make an obstacle for what is wished for."""
+        if self._wish is None:
+            return False
+        wish, wishes = self._wish
+        self._situation.change(added, deleted)
+        hindered = not wishes.obstacles(wish).isdisjoint(added)
+        self._situation.change(deleted, added)
+        return hindered
 
     def _in_order(self, phases: _Phases) -> Iterator[Args]:
         """Bindings of the parameters that decide the effects; those that failed in any state before come last."""
