@@ -23,7 +23,9 @@ from gentamp_lp.task import Instance, Task
 
 FAR = float("inf")
 CASES = [("unstack", "3", 2), ("unstack", "4", 3), ("load", "1-2", 1), ("load", "2-2", 1)]
+OTHERS = [("sort", "1-1", 1), ("clutter", "2", 1), ("clutter", "4", 2), ("transport", "1-1", 1), ("transport", "2-2", 1)]
 QUOTA = {"sample-grasp": 1, "sample-placement": 1, "sample-cell": 2, "sample-reach": 1}
+DEPTHS = {"3": 4, "4": 4, "1-2": 3, "2-2": 5}
 
 
 def sorts_of(policy: Policy) -> dict[str, tuple[str, ...]]:
