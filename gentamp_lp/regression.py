@@ -76,7 +76,7 @@ class Regression:
         return And((Not(formula) if truth else formula, self.turns(formula, truth, exact)))
 
     def turns(self, formula: Formula, truth: bool, exact: bool = True) -> Formula:
-        """The same where the formula is known to have the other value before."""
+        """The same where the formula has the other value before. If exact, it implies this value after in any case."""
         if not self._affects(formula):
             return FALSE
         match formula:
@@ -95,12 +95,11 @@ class Regression:
             case And(parts) | Or(parts):
                 if truth == isinstance(formula, Or):  # so none of the parts has the new value
                     return Or(tuple(self.turns(part, truth, exact) for part in parts))
-                moved = [part for part in parts if self._affects(part)]
-                change = self.turns if len(moved) == 1 else self.becomes  # the others have the new value already
                 options = []
-                for part in moved:
+                for part in filter(self._affects, parts):
                     others = (self.after(other) for other in parts if other is not part)
-                    options.append(And((change(part, truth, exact), *(o if truth else Not(o) for o in others))))
+                    now = (other if truth else Not(other) for other in others)
+                    options.append(And((self.turns(part, truth, exact), *now)))
                 return Or(tuple(options))
         raise AssertionError(f"not normalized: {formula}")
 
