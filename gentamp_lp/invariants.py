@@ -40,8 +40,12 @@ def exclusive(domain: Domain, initial: Iterable[State]) -> list[Group]:
 
 
 def at_most_one(domain: Domain, initial: Iterable[State]) -> list[str]:
-    """Fluent and derived predicates with at most one true atom in every reachable state, in name order."""
-    found = {name for group in exclusive(domain, initial) for name, key in group.items() if key is None}
+    """Fluent and derived predicates with at most one true atom in every reachable state, in name order.
+
+    Of predicates without arguments only those that never become true.
+    """
+    groups = [group for group in exclusive(domain, initial) if None in group.values()]
+    found = {name for group in groups for name in group if len(group) == 1 or domain.predicates[name].arity}
     for axiom in domain.axioms:
         alone = sum(a.head.predicate == axiom.head.predicate for a in domain.axioms) == 1
         if alone and any(a.predicate in found and set(axiom.head.args) <= set(a.args) for a in _top(axiom.body)):
