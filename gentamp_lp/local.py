@@ -66,9 +66,7 @@ class Conditions:
             if regression.can(self._heads[feature.name]):
                 change = regression.simplified(self._change(feature, action.effects.get(feature.name), regression))
                 before = dict(self._names)
-                impossible = change == FALSE
-                parts = () if impossible else (self._named(part, regression, ()) for part in conjuncts(change))
-                condition = FALSE if impossible else And(tuple(parts))
+                condition = FALSE if change == FALSE else self._condition(change, regression)
                 if all(len(closed.variables) <= WIDEST for closed in self._names):
                     self.decided[action.name, schema.name][feature.name] = condition
                     continue
@@ -93,6 +91,11 @@ class Conditions:
             case "decrease" | "false":
                 return And((falls, Not(rises)))
         return And((Not(rises), Not(falls)))
+
+    def _condition(self, change: Formula, regression: Regression) -> Formula:
+        parts = conjuncts(change)
+        implied = dict.fromkeys(literal for part in parts for literal in regression.implied(part))
+        return And((*implied, *(self._named(part, regression, ()) for part in parts)))
 
     def _named(self, formula: Formula, regression: Regression, beside: Sequence[Formula]) -> Formula:
         """A literal in place of the formula, where the static conditions `beside` it hold."""

@@ -8,8 +8,8 @@ thing in the hand, that it stands nowhere. Often nothing is left but static cond
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import count
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import count, product
 
 from gentamp_lp.invariants import Group, key_of
 from gentamp_lp.streams.formula import (
@@ -140,6 +140,22 @@ class Regression:
                 hit = And((*same, condition))
                 options.append(Exists(tuple(own.values()), hit) if own else hit)
         return Or(tuple(options))
+
+    def implied(self, formula: Formula) -> Iterator[Formula]:
+        """Literals on the parameters that follow from the negation of an existential condition and the precondition.
+
+        They say nothing new, but planners read them when they ground the action.
+        """
+        if isinstance(formula, Not) and isinstance(formula.body, Exists):
+            variables, body = formula.body.variables, formula.body.body
+            pairs = product(conjuncts(body), conjuncts(self.program.preconditions[self.schema.name]))
+            for part, other in pairs:
+                if isinstance(part, Atom) and isinstance(other, Atom) and part.predicate == other.predicate:
+                    names = {a: b for a, b in zip(part.args, other.args, strict=True) if a in variables}
+                    if len(names) == len(variables) and substitute(part, names) == other:
+                        literal = self.simplified(Not(substitute(body, names)))
+                        if is_literal(literal):
+                            yield literal
 
     # ---- Simplification
 

@@ -158,6 +158,7 @@ def test_conditions_are_static_where_invariants_say_enough(unstack: Learned) -> 
     required = {a.name: set(a.precondition.parts) for a in case.constrained.domain.actions}
     condition = Atom(axiom.head.predicate, ("?o", "?p"))
     assert condition in required["pick--a1"] and Not(condition) in required["place--a2"]
+    assert Not(Atom("block", ("?s",))) in required["place--a2"]  # follows from it, and keeps the ground actions few
 
 
 def test_without_invariants_more_is_tested_and_the_steps_are_the_same(unstack: Learned) -> None:
