@@ -11,9 +11,9 @@ The encoding `check` keeps everything the problem needs from streams and replace
 Invariant: whenever `(ready)` holds, `was-f` is the extension of `f`. So every plan, `check` steps removed, is a
 trajectory of the policy. A step where entities enter and leave at once is refused although its count may agree.
 
-The encoding `local` decides by regression (module `regression`) what a step does to a feature, and requires it of the
-copy's parameters: there is nothing to check, and no extra step. Only features that regression leaves undecided for some
-copy are watched and checked as above, after the copies that may change them.
+The encoding `local` tells by regression (module `regression`) what a step does to a feature, and requires it in the
+copy's precondition: there is nothing to check, and no extra step. Only features that regression leaves undecided for
+some copy are watched and checked as above, after the copies that may change them.
 
 The encoding `order` is the paper's Algorithm 2 as it stands, for comparison: a fact `order-i` for each abstract state
 of the policy's graph, and a copy of every action for each of its edges. The abstract state that an edge leads to is

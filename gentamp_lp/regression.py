@@ -29,7 +29,7 @@ from gentamp_lp.streams.formula import (
     substitute,
 )
 from gentamp_lp.streams.pddl import ActionSchema
-from gentamp_lp.streams.queries import definitions, unfold
+from gentamp_lp.streams.queries import definitions, renamed, unfold
 from gentamp_lp.streams.semantics import Program
 
 Facts = frozenset[Formula]
@@ -133,11 +133,10 @@ class Regression:
         for effect in self.schema.effects:
             if effect.atom.predicate == atom.predicate and effect.positive == positive:
                 number = next(self._numbers)
-                own = {variable: f"{variable}~e{number}" for variable in effect.variables}
+                own = {variable: f"{variable}~{number}" for variable in effect.variables}
                 args = (own.get(arg, arg) for arg in effect.atom.args)
                 same = (Atom("=", pair) for pair in zip(atom.args, args, strict=True))
-                condition = normalize(substitute(effect.condition, own))
-                hit = And((*same, condition))
+                hit = And((*same, renamed(normalize(effect.condition), own, number)))
                 options.append(Exists(tuple(own.values()), hit) if own else hit)
         return Or(tuple(options))
 

@@ -249,7 +249,7 @@ DOMAIN = parse_domain("""
   (:action swap :parameters (?a ?b) :precondition (and (p ?a) (r ?b) (not (q ?b ?a)))
     :effect (and (not (p ?a)) (p ?b) (q ?a ?b) (not (q ?b ?b))))
   (:action sweep :parameters (?a) :precondition (d ?a)
-    :effect (and (forall (?z) (when (q ?a ?z) (not (q ?a ?z)))) (when (s ?a) (r ?a))))
+    :effect (and (forall (?z) (when (q ?a ?z) (not (q ?a ?z)))) (when (exists (?v) (and (s ?v) (q ?v ?a))) (r ?a))))
   (:derived (d ?x) (exists (?y) (and (q ?x ?y) (p ?y))))
   (:derived (e ?x ?y) (or (q ?x ?y) (and (r ?x) (not (d ?y))))))
 """)

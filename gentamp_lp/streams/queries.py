@@ -54,20 +54,20 @@ def _unfold(formula: Formula, program: Program, fresh: Iterator[int]) -> Formula
 def definitions(atom: Atom, program: Program, number: int) -> list[Formula]:
     """The bodies of a derived predicate's axioms for these arguments; the number keeps quantified variables apart."""
     axioms = program.axioms[atom.predicate]
-    return [_renamed(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True)), number) for axiom in axioms]
+    return [renamed(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True)), number) for axiom in axioms]
 
 
-def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
+def renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
     """The formula with other names, and with quantified variables that occur nowhere else."""
     match formula:
         case Atom():
             return Atom(formula.predicate, bind(formula, names))
         case Exists(variables, body):
             own = {v: f"{v}~{number}" for v in variables}
-            return Exists(tuple(own.values()), _renamed(body, {**names, **own}, number))
+            return Exists(tuple(own.values()), renamed(body, {**names, **own}, number))
         case Forall():
             raise AssertionError(f"not normalized: {formula}")
-    return rebuilt(formula, lambda part: _renamed(part, names, number))
+    return rebuilt(formula, lambda part: renamed(part, names, number))
 
 
 class Query:
