@@ -63,6 +63,7 @@ class Encoding(StrEnum):
     """How a policy becomes a domain."""
 
     check = "check"
+    local = "local"
     order = "order"
 
 
@@ -701,10 +702,12 @@ def compile_(
 ) -> None:
     """Compile a (perhaps edited) policy bundle into a constrained PDDL domain.
 
-    Plans for it are to reach the task's goal and (ready). `check` tests every qualitative effect; `order` is the
-    paper's Algorithm 2 as it stands. Example: `gentamp-lp compile runs/unstack --out constrained`
+    Plans for it are to reach the task's goal and (ready). `check` tests every qualitative effect after the step;
+    `local` requires it of the step's arguments where that can be told beforehand, and supposes what is true of the
+    training problems' initial states and stays so; `order` is the paper's Algorithm 2 as it stands.
+    Example: `gentamp-lp compile runs/unstack --out constrained`
     """
-    from gentamp_lp.compile import constrained_domain, doubtful, to_text
+    from gentamp_lp.compile import constrained_domain, doubtful, invariants, left_to_checks, to_text
     from gentamp_lp.files import write_text
     from gentamp_lp.policy import Policy
     from gentamp_lp.task import Task
@@ -712,16 +715,23 @@ def compile_(
     policy = Policy.load(folder)
     loaded = Task.load(task or policy.task, trust=trust)
     sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
-    domain = constrained_domain(policy, loaded.folder, sorts, encoding.value)
+    sizes = loaded.file.train if encoding == Encoding.local else ()
+    initial = [loaded.instance(size, seed).state for seed, size in enumerate(sizes)]
+    domain = constrained_domain(policy, loaded.folder, sorts, encoding.value, initial)
     marks = doubtful(policy, loaded.folder)
-    write_text(out / "domain.pddl", to_text(domain, policy, marks))
+    supposed = invariants(loaded.folder.domain, initial)
+    checked = left_to_checks(policy, loaded.folder, sorts, initial) if encoding == Encoding.local else {}
+    write_text(out / "domain.pddl", to_text(domain, policy, marks, supposed))
     write_text(out / "stream.pddl", (loaded.folder.path / "stream.pddl").read_text(encoding="utf-8"))
     if json_:
         names = [schema.name for schema in domain.actions]
         document = {"domain": str(out / "domain.pddl"), "stream": str(out / "stream.pddl"), "actions": names}
-        _print_json({**document, "doubtful": marks})
+        _print_json({**document, "doubtful": marks, "supposed": supposed, "checked": checked})
     else:
         _say(f"{out / 'domain.pddl'}: {len(domain.actions)} actions, {len(domain.axioms)} axioms")
+        for name, reasons in checked.items():
+            for feature, why in reasons.items():
+                _say(f"{name}: {feature} is left to a check, for {why}")
 
 
 @app.command()

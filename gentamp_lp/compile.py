@@ -11,6 +11,10 @@ The encoding `check` keeps everything the problem needs from streams and replace
 Invariant: whenever `(ready)` holds, `was-f` is the extension of `f`. So every plan, `check` steps removed, is a
 trajectory of the policy. A step where entities enter and leave at once is refused although its count may agree.
 
+The encoding `local` tells by regression (module `regression`) what a step does to a feature, and requires it in the
+copy's precondition: there is nothing to check, and no extra step. Only features that regression leaves undecided for
+some copy are watched and checked as above, after the copies that may change them.
+
 The encoding `order` is the paper's Algorithm 2 as it stands, for comparison: a fact `order-i` for each abstract state
 of the policy's graph, and a copy of every action for each of its edges. The abstract state that an edge leads to is
 tested by what can follow; that a count falls but not to zero is not, so these plans may stand still where the policy
@@ -19,37 +23,48 @@ may not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gentamp_lp.domain import DomainFolder
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features
+from gentamp_lp.invariants import exclusive
+from gentamp_lp.local import PREFIX, Conditions
 from gentamp_lp.policy import Feature, Policy, Valuation
 from gentamp_lp.streams.facts import sort_predicate
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, to_pddl
+from gentamp_lp.streams.formula import FALSE, TRUE, And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, to_pddl
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Effect, Predicate
-from gentamp_lp.streams.semantics import Program, Step, reads
+from gentamp_lp.streams.semantics import Program, State, Step, reads
 
-ENCODINGS = ("check", "order")
+ENCODINGS = ("check", "local", "order")
 SEPARATOR = "--"
 _READY, _STARTED = Atom("ready", ()), Atom("started", ())
 
 
 def constrained_domain(
-    policy: Policy, folder: DomainFolder, sorts: Mapping[str, tuple[str, ...]], encoding: str = "check"
+    policy: Policy,
+    folder: DomainFolder,
+    sorts: Mapping[str, tuple[str, ...]],
+    encoding: str = "check",
+    initial: Iterable[State] = (),
 ) -> Domain:
     """The constrained domain as a syntax tree; `sorts` gives the sort of every predicate's arguments.
 
-    Plans are to reach the task's goal and `(ready)`. Raises InputError when the domain uses names of the encoding.
+    Plans are to reach the task's goal and `(ready)`. The encoding `local` supposes the `invariants` of the `initial`
+    states; without any it holds for all, and tests more. Raises InputError when the domain uses names of the encoding.
     """
     original = folder.domain
     _require_free_names(policy, original)
-    features = Features.of(policy.features)
-    heads = {axiom.head.predicate: axiom.head for axiom in features.axioms}
-    axioms = [*original.axioms, *features.axioms, *_sort_axioms(features.axioms, original, sorts)]
-    axioms += [Axiom(_flag("some", feature), _exists(heads[feature.name])) for feature in policy.features]
-    actions, more = (_checking if encoding == "check" else _ordering)(policy, original, heads)
+    heads, axioms = _definitions(policy, original, sorts)
+    if encoding == "order":
+        actions, more = _ordering(policy, original, heads)
+    elif encoding == "local":
+        conditions = _conditions(policy, original, heads, axioms, initial)
+        actions, more = _checking(policy, original, heads, conditions.decided)
+        more += conditions.axioms
+    else:
+        actions, more = _checking(policy, original, heads, {})
     domain = replace(
         original,
         name=f"{original.name}-{policy.task}",
@@ -61,10 +76,55 @@ def constrained_domain(
     return replace(domain, predicates={**original.predicates, **_declare(domain, original)})
 
 
-def _checking(policy: Policy, original: Domain, heads: Mapping[str, Atom]) -> tuple[list[ActionSchema], list[Axiom]]:
-    """Actions and axioms of the encoding `check`."""
+def left_to_checks(
+    policy: Policy, folder: DomainFolder, sorts: Mapping[str, tuple[str, ...]], initial: Iterable[State]
+) -> dict[str, dict[str, str]]:
+    """For copies of actions in the encoding `local`, the features that a check has to look at, each with the reason."""
+    conditions = _conditions(policy, folder.domain, *_definitions(policy, folder.domain, sorts), initial)
+    return {f"{name}{SEPARATOR}{a}": reasons for (a, name), reasons in conditions.undecided.items() if reasons}
+
+
+def invariants(domain: Domain, initial: Iterable[State]) -> list[str]:
+    """What the encoding `local` supposes of initial states, in words: what is true of the given ones and stays so."""
+    found = []
+    for group in exclusive(domain, initial):
+        keyed = None not in group.values()
+        atoms_ = []
+        for name, key in group.items():
+            arity = domain.predicates[name].arity
+            atoms_.append(to_pddl(Atom(name, tuple("?x" if i == key else f"?y{i}" for i in range(arity)))))
+        found.append(f"at most one of {' '.join(atoms_)}{' for each ?x' if keyed else ''}")
+    return found
+
+
+def _definitions(
+    policy: Policy, original: Domain, sorts: Mapping[str, tuple[str, ...]]
+) -> tuple[dict[str, Atom], list[Axiom]]:
+    """The features' heads, and the domain's axioms with those that define features."""
+    features = Features.of(policy.features)
+    heads = {axiom.head.predicate: axiom.head for axiom in features.axioms}
+    axioms = [*original.axioms, *features.axioms, *_sort_axioms(features.axioms, original, sorts)]
+    return heads, [*axioms, *(Axiom(_flag("some", f), _exists(heads[f.name])) for f in policy.features)]
+
+
+def _conditions(
+    policy: Policy, original: Domain, heads: Mapping[str, Atom], axioms: Sequence[Axiom], initial: Iterable[State]
+) -> Conditions:
+    program = Program.of(replace(original, axioms=tuple(axioms)))
+    return Conditions(policy, program, exclusive(original, initial), heads)
+
+
+def _checking(
+    policy: Policy,
+    original: Domain,
+    heads: Mapping[str, Atom],
+    decided: Mapping[tuple[str, str], Mapping[str, Formula]],
+) -> tuple[list[ActionSchema], list[Axiom]]:
+    """Actions and axioms of the encodings `check` and `local`: features that are not `decided` are watched."""
+    local = {(a.name, name): decided.get((a.name, name), {}) for a in policy.actions for name in a.schemas}
+    watched = [f for f in policy.features if any(f.name not in conditions for conditions in local.values())]
     axioms = []
-    for feature in policy.features:
+    for feature in watched:
         head = heads[feature.name]
         was = Atom(f"was-{feature.name}", head.args)
         axioms.append(Axiom(_flag("had", feature), _exists(was)))
@@ -73,13 +133,26 @@ def _checking(policy: Policy, original: Domain, heads: Mapping[str, Atom]) -> tu
     for action in policy.actions:
         cases = tuple(_looks(policy, rule.valuation) for rule in policy.rules if rule.action == action.name)
         axioms.append(Axiom(Atom(f"applies-{action.name}", ()), Or(cases)))
-    actions = [_check("start", And((Not(_STARTED),)), policy, heads, (Effect(_STARTED, True),))]
+    actions = []
+    if watched:
+        actions.append(_check("start", And((Not(_STARTED),)), watched, heads, (Effect(_STARTED, True),)))
+    else:
+        axioms.append(Axiom(_READY, TRUE))
     for action in policy.actions:
         pending = Atom(f"pending-{action.name}", ())
+        unsure = False
         for name in action.schemas:
-            actions.append(_copy(original.action(name), action.name, pending))
-        changes = tuple(_change(f, action.effects.get(f.name)) for f in policy.features)
-        actions.append(_check(action.name, And((pending, *changes)), policy, heads, (Effect(pending, False),)))
+            conditions = local[action.name, name]
+            if FALSE in conditions.values():
+                continue
+            moved = any(f.name not in conditions or f.name in action.effects for f in watched)
+            actions.append(_copy(original.action(name), action.name, conditions, pending if moved else None))
+            unsure |= moved
+        if unsure:
+            tested = [f for f in watched if any(f.name not in local[action.name, name] for name in action.schemas)]
+            changes = tuple(_change(f, action.effects.get(f.name)) for f in tested)
+            effects = (Effect(pending, False),)
+            actions.append(_check(action.name, And((pending, *changes)), watched, heads, effects))
     return actions, axioms
 
 
@@ -129,17 +202,23 @@ def _require_free_names(policy: Policy, domain: Domain) -> None:
     taken = {"ready", "started", *features}
     taken |= {f"{kind}-{f}" for kind in ("some", "had", "was", "lost", "gained") for f in features}
     taken |= {f"{kind}-{a.name}" for kind in ("applies", "pending") for a in policy.actions}
-    clashes = sorted(name for name in domain.predicates if name in taken or name.startswith("order-"))
+    clashes = sorted(name for name in domain.predicates if name in taken or name.startswith(("order-", PREFIX)))
     clashes += [a.name for a in domain.actions if a.name == "check" or SEPARATOR in a.name]
     if clashes:
         hint = "rename it: constrained domains use this name themselves"
         raise InputError(Diagnostic(f"`{clashes[0]}` cannot be a name of the domain", domain.path, hint=hint))
 
 
-def to_text(domain: Domain, policy: Policy, marks: Mapping[str, Sequence[str]] | None = None) -> str:
-    """The constrained domain as PDDL, with the features, and `marks` of doubtful ones, spelled out in comments."""
+def to_text(
+    domain: Domain,
+    policy: Policy,
+    marks: Mapping[str, Sequence[str]] | None = None,
+    supposed: Sequence[str] = (),
+) -> str:
+    """The constrained domain as PDDL, with comments: the features, `marks` of doubtful ones, what is `supposed`."""
     lines = [f"; Constrained domain of the policy for `{policy.task}`, generated by gentamp-lp."]
     lines += ["; Plan to the task's goal and (ready); drop the check steps and what follows `--` in the others."]
+    lines += [f"; Initial states have {invariant}." for invariant in supposed]
     for feature in policy.features:
         lines.append(f"; {feature.name} ({feature.kind}): {feature.text}")
         if marks and feature.name in marks:
@@ -184,18 +263,20 @@ def _literal(atom: Atom, positive: bool) -> Formula:
     return atom if positive else Not(atom)
 
 
-def _copy(schema: ActionSchema, name: str, pending: Atom) -> ActionSchema:
-    precondition = And((_READY, Atom(f"applies-{name}", ()), *conjuncts(schema.precondition)))
-    effects = (*schema.effects, Effect(_READY, False), Effect(pending, True))
+def _copy(schema: ActionSchema, name: str, conditions: Mapping[str, Formula], pending: Atom | None) -> ActionSchema:
+    """The copy of an action for an abstract action; where a check is to follow, it is `pending`."""
+    parts = dict.fromkeys(part for formula in conditions.values() for part in conjuncts(formula))
+    precondition = And((_READY, Atom(f"applies-{name}", ()), *conjuncts(schema.precondition), *parts))
+    effects = (*schema.effects, *((Effect(_READY, False), Effect(pending, True)) if pending else ()))
     return replace(schema, name=f"{schema.name}{SEPARATOR}{name}", precondition=precondition, effects=effects)
 
 
 def _check(
-    name: str, condition: Formula, policy: Policy, heads: Mapping[str, Atom], effects: tuple[Effect, ...]
+    name: str, condition: Formula, watched: Sequence[Feature], heads: Mapping[str, Atom], effects: tuple[Effect, ...]
 ) -> ActionSchema:
     """The action that records the features' extensions after `name` and makes the next step possible."""
     record = [Effect(_READY, True), *effects]
-    for feature in policy.features:
+    for feature in watched:
         head = heads[feature.name]
         was = Atom(f"was-{feature.name}", head.args)
         record.append(Effect(was, True, head.args, head))

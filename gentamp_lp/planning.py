@@ -158,7 +158,7 @@ def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: f
     """Search the constrained domain over samples. Raises the dead end again when there is no plan."""
     task = instance.task
     sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
-    program = Program.of(constrained_domain(policy, task.folder, sorts))
+    program = Program.of(constrained_domain(policy, task.folder, sorts, "local", [instance.state]))
     goal = And((task.goal, Atom("ready", ())))
     try:
         found = solve_incremental(

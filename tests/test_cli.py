@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -69,6 +70,24 @@ def test_a_bundle_validates_and_compiles(workplace):
     assert done.returncode == 0
     compiled = (workplace / "constrained" / "domain.pddl").read_text()
     assert compiled == (workplace / "runs" / "unstack" / "domain.pddl").read_text()
+
+
+def test_the_local_encoding_says_what_it_supposes_and_what_it_leaves_to_checks(workplace):
+    done = run("compile", "runs/unstack", "--out", "local", "--encoding", "local", "--json", cwd=workplace)
+    report = json.loads(done.stdout)
+    assert done.returncode == 0 and report["actions"] == ["pick--a1", "place--a2"] and report["checked"] == {}
+    text = (workplace / "local" / "domain.pddl").read_text()
+    assert len(report["supposed"]) == 3 and all(
+        f"; Initial states have {words}.\n" in text for words in report["supposed"]
+    )
+    bundle = workplace / "above"
+    shutil.copytree(workplace / "runs" / "unstack", bundle)
+    features = (bundle / "features.pl").read_text()
+    above = "closure(v2,v3,o,on(v2,v3),v0,v1)"
+    (bundle / "features.pl").write_text(features.replace("on(v0,v1)", above))
+    done = run("compile", "above", "--out", "checked", "--encoding", "local", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    assert "pick--a1: f2 is left to a check, for pick changes what its closure reads\n" in done.stdout
 
 
 def test_pictures(workplace):

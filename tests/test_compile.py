@@ -3,57 +3,37 @@
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from following import QUOTA, Case, case_of, extensions, fluents, plans_by, plans_in, policy_steps, sorts_of
 
 from gentamp_lp.compile import constrained_domain, doubtful, original_step, to_text
-from gentamp_lp.features import Features, valuation
 from gentamp_lp.learning import Learned
 from gentamp_lp.planning import solve
-from gentamp_lp.policy import AbstractAction, Feature, Policy, Rule
+from gentamp_lp.policy import AbstractAction, Feature, Rule
 from gentamp_lp.streams.downward import write_problem
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import TRUE, And, Atom, conjuncts
 from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
-from gentamp_lp.task import Instance, Task
+from gentamp_lp.task import Task
 
 FAR = float("inf")
 CASES = [("unstack", "3", 2), ("unstack", "4", 3), ("load", "1-2", 1), ("load", "2-2", 1)]
-QUOTA = {"sample-grasp": 1, "sample-placement": 1, "sample-cell": 2, "sample-reach": 1}
-
-
-def sorts_of(policy: Policy) -> dict[str, tuple[str, ...]]:
-    return {name: tuple(row) for name, row in policy.extra["sorts"].items()}
 
 
 def compiled(learned: Learned) -> Domain:
     return constrained_domain(learned.policy, learned.task.folder, sorts_of(learned.policy))
 
 
-@dataclass
-class Case:
-    """An instance with a fixed set of samples, under the original domain and under the constrained one."""
-
-    learned: Learned
-    instance: Instance
-    original: Program  # with the features as axioms
-    constrained: Program
-
-
 @pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}")
 def case(request) -> Case:
     name, size, seed = request.param
     learned: Learned = request.getfixturevalue(name)
-    instance = learned.task.instance(size, seed, robot="gripper")
-    sample(instance.base, QUOTA, FAR)
-    run_tests(instance.base, FAR)
-    features = Features.of(learned.policy.features)
-    original = Program.of(learned.task.folder.domain, features.axioms)
-    return Case(learned, instance, original, Program.of(compiled(learned)))
+    return case_of(learned.policy, learned.task.instance(size, seed, robot="gripper"), "check")
 
 
 # ---- The text
@@ -82,7 +62,7 @@ def test_the_comments_tell_the_features(learned: Learned) -> None:
 
 
 def test_the_written_problem_is_read_by_the_translator(case: Case, tmp_path: Path) -> None:
-    goal = And((case.learned.task.goal, Atom("ready", ())))
+    goal = And((case.task.goal, Atom("ready", ())))
     texts = write_problem(case.constrained, case.instance.base, case.instance.state, goal)
     for name, text in zip(("domain.pddl", "problem.pddl"), texts, strict=True):
         (tmp_path / name).write_text(text)
@@ -108,42 +88,6 @@ def translate(folder: Path) -> None:
 
 
 # ---- Steps of the constrained domain are the policy's, and the other way round
-
-
-def extensions(case: Case, state: State) -> dict[str, set[tuple[str, ...]]]:
-    view = View(case.original, case.instance.base, state)
-    return {f.name: set(view.extension(f.name)) for f in case.learned.policy.features}
-
-
-def change(feature: Feature, before: set[tuple[str, ...]], after: set[tuple[str, ...]]) -> str:
-    """The effect on one feature by set inclusion; `mixed` is no effect of any action."""
-    if feature.kind == "boolean":
-        return "" if bool(before) == bool(after) else "true" if after else "false"
-    if before == after:
-        return ""
-    return "increase" if before < after else "decrease" if after < before else "mixed"
-
-
-def policy_steps(case: Case, state: State) -> Iterator[tuple[Step, State]]:
-    """The steps that follow the policy, by definition."""
-    policy = case.learned.policy
-    before = extensions(case, state)
-    rule = policy.rule_for(valuation({name: len(rows) for name, rows in before.items()}))
-    if rule is None:
-        return
-    action = policy.action(rule.action)
-    view = View(case.original, case.instance.base, state)
-    for step in applicable(view):
-        successor = apply(view, step)
-        after = extensions(case, successor)
-        effects = {f.name: change(f, before[f.name], after[f.name]) for f in policy.features}
-        if step.schema in action.schemas and {k: v for k, v in effects.items() if v} == action.effects:
-            yield step, successor
-
-
-def fluents(case: Case, state: State) -> State:
-    names = case.learned.task.folder.domain.fluents
-    return frozenset(fact for fact in state if fact[0] in names)
 
 
 def checked(case: Case, state: State) -> list[State]:
@@ -194,7 +138,7 @@ def test_a_refused_step_is_a_dead_end(case: Case) -> None:
         after = apply(view, step)
         assert checked(case, after) == []
         assert list(applicable(View(case.constrained, case.instance.base, after))) == []
-    if case.learned.task.name == "unstack":
+    if case.task.name == "unstack":
         return
     assert allowed
 
@@ -203,7 +147,7 @@ def test_a_refused_step_is_a_dead_end(case: Case) -> None:
 
 
 def ordered(case: Case) -> Program:
-    policy, folder = case.learned.policy, case.learned.task.folder
+    policy, folder = case.policy, case.task.folder
     return Program.of(constrained_domain(policy, folder, sorts_of(policy), "order"))
 
 
@@ -213,33 +157,13 @@ def look(case: Case, state: State) -> tuple[bool, ...]:
 
 def order_steps(case: Case, state: State) -> Iterator[tuple[Step, State]]:
     """Algorithm 2: any step from where a rule applies to where one of its edges leads."""
-    rule = case.learned.policy.rule_for(look(case, state))
+    rule = case.policy.rule_for(look(case, state))
     if rule is not None:
         view = View(case.original, case.instance.base, state)
         for step in applicable(view):
             successor = apply(view, step)
             if look(case, successor) in rule.outcomes:
                 yield step, successor
-
-
-def plans_by(case: Case, follow, state: State, depth: int) -> Iterator[tuple[Step, ...]]:
-    """All plans of up to so many steps, by the definition of what follows the policy."""
-    if View(case.original, case.instance.base, state).holds(case.learned.task.goal):
-        yield ()
-    for step, successor in follow(case, state) if depth else ():
-        yield from ((step, *rest) for rest in plans_by(case, follow, successor, depth - 1))
-
-
-def plans_in(case: Case, program: Program, state: State, depth: int) -> Iterator[tuple[Step, ...]]:
-    """The same in a constrained domain; bookkeeping does not count."""
-    view = View(program, case.instance.base, state)
-    if view.holds(And((case.learned.task.goal, Atom("ready", ())))):
-        yield ()
-    for step in applicable(view):
-        own = original_step(step)
-        if own is None or depth:
-            for rest in plans_in(case, program, apply(view, step), depth - (own is not None)):
-                yield rest if own is None else (own, *rest)
 
 
 @pytest.mark.parametrize("encoding", ["check", "order"])
@@ -276,7 +200,7 @@ def test_features_that_read_tests_are_marked(unstack: Learned, load: Learned) ->
 
 
 def test_plans_of_the_constrained_domain_execute_in_the_original(case: Case) -> None:
-    task, instance = case.learned.task, case.instance
+    task, instance = case.task, case.instance
     goal = And((task.goal, Atom("ready", ())))
     found = solve_incremental(
         case.constrained, instance.base, instance.state, goal, quota=task.file.samples, time_limit=60, max_levels=3

@@ -45,26 +45,29 @@ def unfold(formula: Formula, program: Program) -> Formula:
 
 def _unfold(formula: Formula, program: Program, fresh: Iterator[int]) -> Formula:
     match formula:
-        case Atom(predicate, args) if predicate in program.axioms and predicate not in program.recursive:
-            bodies = []
-            for axiom in program.axioms[predicate]:
-                names = dict(zip(axiom.head.args, args, strict=True))
-                bodies.append(_unfold(_renamed(axiom.body, names, next(fresh)), program, fresh))
+        case Atom(predicate) if predicate in program.axioms and predicate not in program.recursive:
+            bodies = [_unfold(body, program, fresh) for body in definitions(formula, program, next(fresh))]
             return Or(tuple(bodies)) if len(bodies) > 1 else bodies[0]
     return rebuilt(formula, lambda part: _unfold(part, program, fresh))
 
 
-def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
+def definitions(atom: Atom, program: Program, number: int) -> list[Formula]:
+    """The bodies of a derived predicate's axioms for these arguments; the number keeps quantified variables apart."""
+    axioms = program.axioms[atom.predicate]
+    return [renamed(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True)), number) for axiom in axioms]
+
+
+def renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
     """The formula with other names, and with quantified variables that occur nowhere else."""
     match formula:
         case Atom():
             return Atom(formula.predicate, bind(formula, names))
         case Exists(variables, body):
             own = {v: f"{v}~{number}" for v in variables}
-            return Exists(tuple(own.values()), _renamed(body, {**names, **own}, number))
+            return Exists(tuple(own.values()), renamed(body, {**names, **own}, number))
         case Forall():
             raise AssertionError(f"not normalized: {formula}")
-    return rebuilt(formula, lambda part: _renamed(part, names, number))
+    return rebuilt(formula, lambda part: renamed(part, names, number))
 
 
 class Query:
