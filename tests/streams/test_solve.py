@@ -1,7 +1,9 @@
 """The PDDLStream entry point: its language, its helpers, its constraints, its answers."""
 
+import itertools
 import math
 import threading
+import warnings
 
 import numpy as np
 import pytest
@@ -150,11 +152,13 @@ def shelf(goal: object, spots: object, **changes: object) -> PDDLProblem:
         from_list_fn(lambda i: [(n,) for n in range(3, 7)]),
         from_gen_fn(lambda i: ((n,) if n % 3 != 1 else None for n in range(3, 9))),
         from_gen([(3,), (5,), (6,)]),
+        from_gen((n,) for n in itertools.count(3)),
+        from_list_fn(lambda i: WildOutput([(3,), (5,), (6,)], [("Good", 9)])),
         from_list_gen_fn(lambda i: iter([[], [(3,), (4,)], [(5,), (6,)], []])),
         lambda i: iter([[(3,)], WildOutput([(5,)], [("Good", 9)]), [(6,)]]),
         from_sampler(lambda i, rows=[(3,), None, (6,), (5,), (7,)] * 50: rows.pop(0) if rows else None, 200),
     ],
-    ids=["list_fn", "gen_fn", "gen", "list_gen_fn", "raw and wild", "sampler"],
+    ids=["list_fn", "gen_fn", "gen", "endless gen", "wild list_fn", "list_gen_fn", "raw and wild", "sampler"],
 )  # fmt: skip
 def test_streams_rules_predicates_and_functions(spots: object) -> None:
     check_shelf("adaptive", spots)
@@ -331,6 +335,67 @@ def test_a_contextual_generator_sees_what_stands() -> None:
     assert sorted(a.args[1] for a in result.plan) == [0, 1, 2, 3, 4]
 
 
+# --- predicates that only streams know
+
+PATCH = """(define (domain patch)
+  (:predicates (Sheet ?s) (Pieces ?s ?c ?a ?b) (Have ?s))
+  (:functions (Effort ?s ?c))
+  (:action tear :parameters (?s ?c ?a ?b) :precondition (and (Pieces ?s ?c ?a ?b) (Have ?s))
+    :effect (and (Have ?a) (Have ?b) (not (Have ?s)) (increase (total-cost) (Effort ?s ?c)))))"""
+PATCH_STREAMS = """(define (stream patch)
+  (:stream crease :outputs (?c) :certified (Crease ?c))
+  (:stream tear :inputs (?s ?c) :domain (and (Sheet ?s) (Crease ?c)) :outputs (?a ?b)
+    :certified (and (Sheet ?a) (Sheet ?b) (Pieces ?s ?c ?a ?b)))
+  (:function (Effort ?s ?c) (and (Sheet ?s) (Crease ?c))))"""
+
+
+def patch(streams: str = PATCH_STREAMS, more: tuple = ()) -> PDDLProblem:
+    functions = {
+        "crease": from_list_fn(lambda: [(0.5,), (0.25,)]),
+        "tear": from_fn(lambda s, c: ((s[0], s[0] + c * (s[1] - s[0])), (s[0] + c * (s[1] - s[0]), s[1]))),
+        "effort": lambda s, c: 1 / c,
+    }
+    three = ("?x", "?y", "?z")
+    different = [Not(Equal(a, b)) for a, b in itertools.combinations(three, 2)]
+    goal = Exists(three, And(*(("Have", v) for v in three), *different))
+    init = [("Sheet", (0.0, 1.0)), ("Have", (0.0, 1.0)), *more]
+    return PDDLProblem(PATCH, {}, streams, functions, init, goal)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_streams_may_use_predicates_that_the_domain_does_not_declare(algorithm: str) -> None:
+    with warnings.catch_warnings(action="error"):
+        result = solve(patch(), algorithm, max_time=30)
+    assert [a.name for a in result.plan] == ["tear", "tear"] and ("crease", 0.5) in result.certificate.all_facts
+    assert result.cost == sum(1 / action.args[1] for action in result.plan)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (":certified (Crease ?c)", ":certified (Creese ?c)", "stream.pddl:2: .*`Creese`"),
+        ("(Pieces ?s ?c ?a ?b)))", "(Peices ?s ?c ?a ?b)))", "(?s)stream.pddl:4: .*`Peices`.*did you mean `Pieces`"),
+        (":domain (and (Sheet ?s)", ":domain (and (Sheeet ?s)", "(?s)stream.pddl:3: .*did you mean `Sheet`"),
+        (":certified (Crease ?c)", ":certified (Crease ?c ?c)", "stream.pddl:3: .*`Crease` takes 2"),
+    ],
+)
+def test_spelling_mistakes_in_streams_are_errors_all_the_same(old: str, new: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        solve(patch(PATCH_STREAMS.replace(old, new)), max_time=30)
+
+
+def test_what_nothing_reads_is_warned_of() -> None:
+    text = PATCH_STREAMS.replace(
+        "(:function", "(:rule :inputs (?c) :domain (Crease ?c) :certified (Line ?c)) (:function"
+    )
+    with pytest.warns(UserWarning, match="stream.pddl:5: predicate `Line` .* nothing reads it"):
+        assert solve(patch(text), max_time=30).plan
+    with pytest.warns(UserWarning, match="initial facts: predicate `Red` .* nothing reads it"):
+        assert solve(patch(more=[("Red", 1)]), max_time=30).plan
+    with pytest.warns(UserWarning, match="function `Price` .* no action's cost reads it"):
+        assert solve(patch(more=[Equal(("Price",), 1)]), max_time=30).plan
+
+
 # --- mistakes and failures
 
 
@@ -345,7 +410,8 @@ def test_a_contextual_generator_sees_what_stands() -> None:
         ({"goal": ("exists", ["x"], ("At", "x"))}, "begin with `\\?`"),
         ({"init": [("Road", 1)]}, "takes 2"),
         ({"init": ["Road"]}, "not a tuple"),
-        ({"init": [Equal(("Price", 1), 2)]}, "unknown function"),
+        ({"init": [Equal(("Distanse", 1, 2), 2)]}, "(?s)unknown function `Distanse`.*did you mean `Distance`"),
+        ({"init": [*INIT, ("Rood", HOME, OSLO)]}, "(?s)unknown predicate `Rood`.*did you mean `Road`"),
         ({"init": [Equal(("Distance", 1, 2), -2)]}, "numbers from 0"),
         ({"stream_pddl": "(define (stream s) (:optimizer o))"}, "stream.pddl:1: .*optimizers"),
         ({"stream_pddl": "(define (stream s)\n (:stream t :inputs (?c - city) :certified (Visited ?c)))"},
@@ -365,7 +431,8 @@ def test_unknown_arguments_and_algorithms() -> None:
         solve(travel(("At", OSLO)), algorithmus="adaptive")
     with pytest.raises(InputError, match="adaptive, incremental"):
         solve(travel(("At", OSLO)), "focused")
-    assert solve(travel(("At", OSLO)), max_failures=3, visualize=False, effort_weight=1).plan
+    info = {"distance": FunctionInfo(verbose=False, p_success=1), "road": StreamInfo(verbose=False, overhead=1)}
+    assert solve(travel(("At", OSLO)), stream_info=info, max_failures=3, visualize=False, effort_weight=1).plan
 
 
 def test_a_failure_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
