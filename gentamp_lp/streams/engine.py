@@ -17,19 +17,20 @@ from dataclasses import dataclass, field
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
 from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
-from gentamp_lp.streams.facts import Args, Fact
+from gentamp_lp.streams.facts import Args, Fact, bind
 from gentamp_lp.streams.formula import Atom
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.language import INF
 from gentamp_lp.streams.optimism import Failure, Hopes, Split, World, hopeful_problem, relevant_streams, split
 from gentamp_lp.streams.problem import Problem
 from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.streams.support import Needs, plan_needs
 
 #: Placeholders of one call, and steps that chains of calls get longer by, before the search is given up.
 MAX_COPIES = 4
 MAX_LEVELS = 10
-COST_TRIES = 10  # other samples for a plan that is too dear
+TRIES = 10  # with other samples for a plan that is too dear, or that a stream with `:fluents` refuses
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
 LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
 MAX_OBJECTS = 1000
@@ -71,7 +72,7 @@ class _Stuck:
     """Where the execution of a plan fails: at a call in a state, or (None) at a condition."""
 
     refuted: Refuted | None = None
-    situation: frozenset[Fact] = frozenset()
+    failures: tuple[Failure, ...] = ()  # what streams with `:fluents` said in this state, about placeholders
     dear: bool = False  # the plan holds but costs too much
 
 
@@ -299,12 +300,19 @@ class Engine:
     def _bind(self, world: World, steps: list[Step], needs: Needs) -> Found | _Stuck:
         """Values for a plan's placeholders that make it a plan, and not too dear a one."""
         cursor: Counter[tuple[str, Args]] = Counter()
-        for _ in range(COST_TRIES * self.effort):
+        before: Assignment = {}
+        for attempt in range(TRIES * self.effort):
             bound = self._binder(needs, cursor).solve()
             if isinstance(bound, Refuted):
                 return _Stuck(bound)
             result = self._execute(world, steps, needs, bound)
-            if isinstance(result, _Stuck) or result.cost <= self.options.max_cost + 1e-9:
+            if isinstance(result, _Stuck):
+                sampled = any(name in bound for failure in result.failures for name in failure.fact[1:])
+                if not sampled or bound == before or attempt == TRIES * self.effort - 1:
+                    return result
+                before = dict(bound)
+                continue
+            if result.cost <= self.options.max_cost + 1e-9:
                 return result
             expected = self._learn_costs(world, steps, bound)
             if not expected:
@@ -341,13 +349,11 @@ class Engine:
                 text = f"the plan costs more than {self.options.max_cost:.3f}"
                 if not needs.calls:
                     raise SolverError("the planner's costs are not those of the plan: please report it")
-            case Refuted(call=call) if call is not None and call.stream.fluents:
-                exact = self.effort > 1
-                binding = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
-                for atom in call.stream.certified:
-                    fact = (atom.predicate, *(binding.get(a, a) for a in atom.args))
-                    hopes.in_state.append(Failure(fact, stuck.situation, call.stream.fluents, exact))
-                text = f"{call.stream.name} gives nothing in this state"
+            case None if any(failure not in hopes.in_state for failure in stuck.failures):
+                hopes.in_state += stuck.failures
+                text = (
+                    f"{' '.join(stuck.failures[0].fact)} is {'true' if stuck.failures[0].true else 'false'} in a state"
+                )
             case Refuted(call=call) if call is not None:
                 hopes.calls.add(call.key)
                 text = f"{call.stream.name}({', '.join(call.inputs)}) gives nothing that fits"
@@ -365,7 +371,7 @@ class Engine:
     def _execute(self, world: World, steps: list[Step], needs: Needs, bound: Assignment) -> Found | _Stuck:
         """Simulate the plan with real values; streams that depend on the state are called in it."""
         state, states, found, certified, cost = self.state, [self.state], [], set(), 0.0
-        optimistic = self._optimistic_states(world, steps)
+        *optimistic, last = self._optimistic_states(world, steps)
         for step, before in zip(steps, optimistic, strict=True):
             self._left()
             binding: dict[str, str] = dict(bound)
@@ -377,32 +383,48 @@ class Engine:
                 given = sorted(fact for fact in state if fact[0] in call.stream.fluents)
                 answer = self.base.call_in_state(call.stream, inputs, given)
                 if answer is None:
-                    situation = frozenset(fact for fact in before if fact[0] in call.stream.fluents)
-                    return _Stuck(Refuted(call=call), situation)
+                    names = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
+                    missing = {(a.predicate, *bind(a, names)): False for a in call.stream.certified}
+                    return _Stuck(failures=self._failures(missing, call.stream, before))
                 binding |= zip(call.outputs, answer[0], strict=True)
                 facts |= answer[1]
             real = Step(step.schema, tuple(binding.get(name, name) for name in step.args))
             view = View(self.program, self.base, state | facts)
             if not precondition_holds(view, real):
-                return _Stuck()
+                return self._failed_condition(view, before, binding)
             amount = self._cost(real)
             if amount is None:
                 return _Stuck()
             cost += amount
-            certified |= facts
+            certified |= facts | {fact for fact, true in view.in_state.items() if true}
             state = apply(view, real) - facts
             states.append(state)
             found.append(real)
-        if not View(self.program, self.base, state).holds(self.goal):
-            return _Stuck()
+        view = View(self.program, self.base, state)
+        if not view.holds(self.goal):
+            return self._failed_condition(view, last, bound)
+        certified |= {fact for fact, true in view.in_state.items() if true}
         return Found(found, cost, states, certified)
 
+    def _failed_condition(self, view: View, before: State, binding: Mapping[str, str]) -> _Stuck:
+        """What tests with `:fluents` said, when a condition does not hold; `before` is the state with placeholders."""
+        placeholders = {value: name for name, value in binding.items()}
+        failures: list[Failure] = []
+        for fact, true in view.in_state.items():
+            hoped = {(fact[0], *(placeholders.get(a, a) for a in fact[1:])): true}
+            failures += self._failures(hoped, self.base.state_tests[fact[0]], before)
+        return _Stuck(failures=tuple(failures))
+
+    def _failures(self, said: Mapping[Fact, bool], stream: Stream, before: State) -> tuple[Failure, ...]:
+        situation = frozenset(fact for fact in before if fact[0] in stream.fluents)
+        return tuple(Failure(fact, situation, stream.fluents, self.effort > 1, true) for fact, true in said.items())
+
     def _optimistic_states(self, world: World, steps: list[Step]) -> list[State]:
-        """States before each step, with placeholders."""
+        """States along a plan, with placeholders."""
         states = [self.state]
         for step in steps:
             states.append(apply(View(self.program, world, states[-1]), step))
-        return states[:-1]
+        return states
 
     def _cost(self, step: Step) -> float | None:
         schema = self.program.domain.action(step.schema)

@@ -61,15 +61,17 @@ class Call:
 
 @dataclass(frozen=True)
 class Failure:
-    """A fact that a fluent stream could not certify in a state with these facts of the `fluents`.
+    """A fact that a stream with `:fluents` could not certify in a state with these facts of the `fluents`.
 
-    `exact`: in states with no others; else in states with more of them, too.
+    `exact`: in states with no others; else in states with more of them, too. `true`: a test certified it, which was not
+    wished for.
     """
 
     fact: Fact
     situation: frozenset[Fact]
     fluents: tuple[str, ...]
     exact: bool
+    true: bool = False
 
     def axiom(self, domain: Domain) -> Axiom:
         """The rule by which a planner knows the failure again."""
@@ -84,7 +86,8 @@ class Failure:
                 if f[0] == fluent
             ]
             conditions.append(Not(Exists(others, And((Atom(fluent, others), *map(Not, same))))))
-        return Axiom(Atom(f"given-up-{self.fact[0]}", variables), And(tuple(conditions)))
+        head = f"certain-{self.fact[0]}" if self.true else f"given-up-{self.fact[0]}"
+        return Axiom(Atom(head, variables), And(tuple(conditions)))
 
     def names(self) -> set[str]:
         """All entities it is about."""
@@ -126,6 +129,7 @@ class World(FactBase):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.state_tests = {}  # hoped to be true: `split` says where, and that they may be false
         self.maker: dict[Fact, Call] = {}
         self.call_of: dict[str, Call] = {}
         self.made: set[tuple[str, Args, int]] = set()
@@ -363,6 +367,8 @@ class _Splitter:
                 if predicate in self.program.axioms:
                     self.heads[predicate, hopeful or not self.doubtful(predicate)] = None
                     return Atom(self.derived(predicate, hopeful), args)
+                if predicate in self.base.state_tests and not hopeful:
+                    return Atom(f"certain-{predicate}", args)
                 if predicate in self.of_state and hopeful:
                     return And((formula, Not(Atom(f"given-up-{predicate}", args))))
                 return formula

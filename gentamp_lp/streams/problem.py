@@ -118,7 +118,7 @@ def _wrapped(stream: Stream, function: Any) -> Generator:
         case "predicate":
             return from_test(function)
     if stream.is_test:  # an empty tuple is a success
-        return lambda *inputs: (row for row in one_by_one(function(*inputs)) if row is not None)
+        return lambda *inputs, **more: (row for row in one_by_one(function(*inputs, **more)) if row is not None)
     return lambda *inputs, **more: (() if row is None else row for row in one_by_one(function(*inputs, **more)))
 
 

@@ -37,6 +37,15 @@ class Stream:
     @property
     def decides(self) -> bool:
         """Whether the stream can be asked about one fact: a test whose facts name all its inputs."""
+        return self._names_inputs and not self.fluents
+
+    @property
+    def decides_in_state(self) -> bool:
+        """Whether it can be asked about one fact in one state: a test with `:fluents`."""
+        return self._names_inputs and bool(self.fluents)
+
+    @property
+    def _names_inputs(self) -> bool:
         return self.is_test and self.kind != "rule" and all(set(self.inputs) <= set(a.args) for a in self.certified)
 
 
@@ -139,8 +148,9 @@ def _stream(reader: PDDLReader, group: Group, domain: Domain) -> Stream:
         reader.arity(fluent)
         if fluent.name not in domain.fluents:
             raise reader.error(f"no action changes `{fluent.spelling}`", fluent.line, "remove it from `:fluents`")
-    if fluents and not outputs:
-        raise reader.error(f"test `{name}` has `:fluents`", group.line, "give it an output, or use an axiom")
+    if fluents and not outputs and any(set(inputs) - set(a.args) for a in certified):
+        hint = "a test with `:fluents` certifies facts about all its inputs"
+        raise reader.error(f"test `{name}` certifies a fact that leaves out an input", group.line, hint)
     return Stream(name, inputs, conditions, outputs, certified, group.line, "stream", tuple(f.name for f in fluents))
 
 
