@@ -13,15 +13,26 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
-from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
+from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, Planner, translated
 from gentamp_lp.streams.facts import Args, Fact, bind
+from gentamp_lp.streams.focus import focus
 from gentamp_lp.streams.formula import Atom
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.language import INF
-from gentamp_lp.streams.optimism import Failure, Hopes, Split, World, hopeful_problem, relevant_streams, split
+from gentamp_lp.streams.optimism import (
+    Failure,
+    Hopes,
+    Split,
+    TooManyCalls,
+    World,
+    hopeful_problem,
+    relevant_streams,
+    split,
+)
 from gentamp_lp.streams.problem import Problem
 from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
 from gentamp_lp.streams.stream_file import Stream
@@ -34,6 +45,7 @@ TRIES = 10  # with other samples for a plan that is too dear, or that a stream w
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
 LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
 MAX_OBJECTS = 1000
+MANY_CALLS = 5000  # of streams; if more are possible, those are assumed that matter to a coarse plan
 FIRST_SLICE = 2.0  # seconds for a first search of an optimistic problem; doubled when it does not suffice
 
 
@@ -97,6 +109,7 @@ class Engine:
         self.hopes = Hopes(depth=len(self.streams) + 1)
         self.searches = options.searches
         self.few_tests = FEW_TESTS
+        self.focusing = True
         self.exact = False
         self.effort = 1
         self.level = 0
@@ -120,10 +133,13 @@ class Engine:
                 raise LimitReached(f"no plan within {self.options.max_iterations} iterations")
             self._apply_rules()
             self._show_exhausted()
-            world = World.of(self.base, self.hopes, self.lazy, self.options.opt_costs, self._left)
+            world, focused = self._world()
             steps = self._plan(world)
             if steps is None:
-                self._hope_again(world)
+                if focused:
+                    self.focusing = False
+                else:
+                    self._hope_again(world)
                 continue
             needs = plan_needs(self.program, world, self.state, steps, self.goal)
             if needs is None:
@@ -132,6 +148,24 @@ class Engine:
             found = self._complete(world, steps, needs)
             if found is not None:
                 return found
+
+    def _world(self) -> tuple[World, bool]:
+        """What may be, and whether that is only what matters to a plan over a coarse view of it."""
+
+        def world(hopes: Hopes, **limits: Any) -> World:
+            return World.of(self.base, hopes, self.lazy, self.options.opt_costs, self._left, **limits)
+
+        if not self.focusing:
+            return world(self.hopes), False
+        try:
+            return world(self.hopes, most=MANY_CALLS), False
+        except TooManyCalls:
+            coarse = world(Hopes(depth=self.hopes.depth, hidden=self.hopes.hidden, coarse=True))
+            steps = self._plan(coarse)
+            if steps is None:
+                self.focusing = False
+                return world(self.hopes), False
+            return world(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
 
     def _left(self) -> float:
         left = self.deadline - time.monotonic()
@@ -182,15 +216,30 @@ class Engine:
             self._splits[self.exact] = split(self.program, self.goal, self.base, self.exact)
         task = self._splits[self.exact]
         program, base = hopeful_problem(task, world)
-        costs = self.options
+        options, start = self.options, time.monotonic()
+        limit = min(self._left(), options.planner_time)
+        try:
+            with translated(
+                program, base, self.state, task.goal,
+                time_limit=limit, memory_limit=options.memory_limit, unit_costs=options.unit_costs,
+            ) as planner:  # fmt: skip
+                steps = self._search(planner)
+        finally:
+            self.planner_seconds += time.monotonic() - start
+        length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
+        options.progress(
+            f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
+            f"calls assumed ({time.monotonic() - start:.2f} s)"
+        )
+        return steps
+
+    def _search(self, planner: Planner) -> list[Step] | None:
+        """Search in slices of time that become longer and begin with another search when the first was in vain."""
         while True:
             start = time.monotonic()
             limit = min(self._left(), self.slice)
             try:
-                steps = search(
-                    program, base, self.state, task.goal, time_limit=limit, searches=self.searches,
-                    memory_limit=costs.memory_limit, max_cost=costs.max_cost, unit_costs=costs.unit_costs,
-                )  # fmt: skip
+                steps = planner(self.searches, limit, self.options.max_cost)
             except MemoryLimitReached:
                 raise
             except LimitReached:
@@ -198,15 +247,8 @@ class Engine:
                     raise
                 self.slice = min(2 * self.slice, self.options.planner_time)
                 continue
-            finally:
-                self.planner_seconds += time.monotonic() - start
             if time.monotonic() - start > limit / 2:  # the first search used its share up in vain
                 self.searches = (*self.searches[1:], self.searches[0])
-            length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
-            self.options.progress(
-                f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
-                f"calls assumed ({time.monotonic() - start:.2f} s)"
-            )
             return steps
 
     def _hope_again(self, world: World) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import Any
 
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
@@ -33,7 +34,12 @@ from gentamp_lp.streams.semantics import Program
 from gentamp_lp.streams.stream_file import Stream
 
 Literal = tuple[Fact, bool]
+Key = tuple[str, Args, int]
 MAX_CALLS = 100_000
+
+
+class TooManyCalls(LimitReached):
+    """More stream calls are possible than were wanted."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ class Call:
     requires: tuple[Fact, ...] = ()
 
     @property
-    def key(self) -> tuple[str, Args, int]:
+    def key(self) -> Key:
         """What identifies the call."""
         return self.stream.name, self.inputs, self.copy
 
@@ -105,8 +111,17 @@ class Hopes:
     hidden: set[str] = field(default_factory=set)  # sampled, but not shown to the planner
     copies: int = 1
     depth: int = 1
-    names: dict[tuple[str, Args, int], Args] = field(default_factory=dict)
+    names: dict[Key, Args] = field(default_factory=dict)
     counter: Iterator[int] = field(default_factory=lambda: count(1))
+    coarse: bool = False  # the calls of a stream share their placeholders
+
+    def outputs(self, stream: Stream, key: Key) -> Args:
+        """The placeholders of a call."""
+        if self.coarse:
+            return coarse_outputs(stream)
+        if key not in self.names:
+            self.names[key] = tuple(f"{v[1:]}-opt{next(self.counter)}" for v in stream.outputs)
+        return self.names[key]
 
     def clear(self) -> bool:
         """Hope for everything again; False when nothing had been given up."""
@@ -119,6 +134,11 @@ class Hopes:
         return given_up
 
 
+def coarse_outputs(stream: Stream) -> Args:
+    """The placeholders that all calls of a stream share in a coarse world."""
+    return tuple(f"{v[1:]}-any-{stream.name}" for v in stream.outputs)
+
+
 @dataclass
 class World(FactBase):
     """Known and optimistic facts."""
@@ -126,13 +146,15 @@ class World(FactBase):
     real: FactBase = field(kw_only=True)
     hopes: Hopes = field(kw_only=True)
     check_time: Callable[[], object] = field(kw_only=True)  # raises LimitReached at the deadline
+    wanted: Callable[[World, Stream, Args], bool] = field(kw_only=True, default=lambda *_: True)
+    most: int = field(kw_only=True, default=MAX_CALLS)  # calls
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.state_tests = {}  # hoped to be true: `split` says where, and that they may be false
         self.maker: dict[Fact, Call] = {}
         self.call_of: dict[str, Call] = {}
-        self.made: set[tuple[str, Args, int]] = set()
+        self.made: dict[Key, Call] = {}
         self._opinions: dict[Fact, bool | None] = {}
 
     @classmethod
@@ -143,13 +165,18 @@ class World(FactBase):
         lazy: Iterable[Stream],
         opt_costs: Mapping[str, Callable[..., float]],
         check_time: Callable[[], object],
+        **limits: Any,
     ) -> World:
-        """All that is known and not hidden, and what calls of the `lazy` streams might add."""
+        """All that is known and not hidden, and what calls of the `lazy` streams might add.
+
+        `limits` are `wanted`, which says of a stream and its inputs whether to assume the call, and `most`. Raises
+        TooManyCalls.
+        """
         hidden = hopes.hidden
         world = cls(
             base.domain, (*base.streams, *base.functions.values()), base.generators,
             {name: value for name, value in base.values.items() if name not in hidden},
-            base.sorts, {}, base.statistics, real=base, hopes=hopes, check_time=check_time,
+            base.sorts, {}, base.statistics, real=base, hopes=hopes, check_time=check_time, **limits,
         )  # fmt: skip
         for predicate, relation in base.static.items():
             rows = relation.rows if not hidden else [r for r in relation.rows if hidden.isdisjoint(r)]
@@ -179,22 +206,22 @@ class World(FactBase):
             known = all(name in real.values for name in inputs)
             if known and not stream.fluents and real.exhausted(stream, inputs):
                 continue
+            if not self.wanted(self, stream, inputs):
+                continue
             for copy in range(self.hopes.copies if stream.outputs else 1):
                 key = (stream.name, inputs, copy)
                 if key in self.hopes.calls:
                     continue
-                if key not in self.hopes.names:
-                    self.hopes.names[key] = tuple(f"{v[1:]}-opt{next(self.hopes.counter)}" for v in stream.outputs)
-                outputs = self.hopes.names[key]
                 if key in self.made:
                     continue
-                if len(self.made) > MAX_CALLS:
-                    raise LimitReached(f"more than {MAX_CALLS} optimistic stream outputs")
+                if len(self.made) >= self.most:
+                    raise TooManyCalls(f"more than {self.most} calls of streams are possible")
+                outputs = self.hopes.outputs(stream, key)
                 binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
                 tests = [a for a in stream.domain if a.predicate in self.tests]
                 facts = [(a.predicate, *bind(a, binding)) for a in tests]
                 call = Call(stream, inputs, copy, outputs, tuple(f for f in facts if self.opinion(f) is None))
-                self.made.add(key)
+                self.made[key] = call
                 for name in outputs:
                     self.call_of[name] = call
                     self.values[name] = Placeholder(name)
@@ -203,6 +230,11 @@ class World(FactBase):
                     if self.add(fact):
                         self.maker[fact] = call
                 yield call
+
+    def coarse_name(self, name: str) -> str:
+        """What stands for a placeholder in a coarse world."""
+        call = self.call_of.get(name)
+        return name if call is None else coarse_outputs(call.stream)[call.outputs.index(name)]
 
     def opinion(self, fact: Fact) -> bool | None:
         """Whether a test fact is true as far as is known or given up, None if it may turn out either way."""
