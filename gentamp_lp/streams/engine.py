@@ -22,7 +22,7 @@ from gentamp_lp.streams.facts import Args, Fact, bind
 from gentamp_lp.streams.focus import focus
 from gentamp_lp.streams.formula import Atom
 from gentamp_lp.streams.incremental import run_tests, sample
-from gentamp_lp.streams.language import INF
+from gentamp_lp.streams.language import INF, Generator
 from gentamp_lp.streams.optimism import (
     Failure,
     Hopes,
@@ -66,6 +66,7 @@ class Options:
     eager: frozenset[str] = frozenset()
     contextual: frozenset[str] = frozenset()
     opt_costs: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    opt_outputs: Mapping[str, Generator] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda _: None
 
 
@@ -153,7 +154,8 @@ class Engine:
         """What may be, and whether that is only what matters to a plan over a coarse view of it."""
 
         def world(hopes: Hopes, **limits: Any) -> World:
-            return World.of(self.base, hopes, self.lazy, self.options.opt_costs, self._left, **limits)
+            costs, outputs = self.options.opt_costs, self.options.opt_outputs
+            return World.of(self.base, hopes, self.lazy, costs, self._left, opt_outputs=outputs, **limits)
 
         if not self.focusing:
             return world(self.hopes), False

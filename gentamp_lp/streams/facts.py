@@ -114,7 +114,7 @@ class _Test:
         return cls(stream.name, pattern, plain, taken(stream.inputs), domain, certified)
 
 
-def _failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
+def failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
     """What to raise when the Python code behind a stream raises: where it did, and on which inputs."""
     if isinstance(error, GentampError):
         return error
@@ -385,7 +385,7 @@ class FactBase:
         try:
             return call()
         except Exception as error:
-            raise _failed(stream, inputs, error) from error
+            raise failed(stream, inputs, error) from error
         finally:
             statistics.seconds += time.perf_counter() - start
             self.calling = None

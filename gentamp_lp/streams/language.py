@@ -12,6 +12,10 @@ from itertools import count
 from typing import Any, NamedTuple
 
 INF = float("inf")
+DEBUG, SHARED_DEBUG = (
+    "debug",
+    "shared_debug",
+)  # values of `stream_map`: every stream gives a symbol, every test is passed
 TOTAL_COST = "total-cost"
 
 Outputs = tuple[Any, ...]

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
+from itertools import count, islice
 from typing import Any
 
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, failed
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -29,6 +29,7 @@ from gentamp_lp.streams.formula import (
     normalize,
     rebuilt,
 )
+from gentamp_lp.streams.language import Generator, Outputs, one_by_one
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
 from gentamp_lp.streams.semantics import Program
 from gentamp_lp.streams.stream_file import Stream
@@ -112,6 +113,7 @@ class Hopes:
     copies: int = 1
     depth: int = 1
     names: dict[Key, Args] = field(default_factory=dict)
+    values: dict[Key, Outputs | None] = field(default_factory=dict)  # what `opt_gen_fn` gave
     counter: Iterator[int] = field(default_factory=lambda: count(1))
     coarse: bool = False  # the calls of a stream share their placeholders
 
@@ -148,6 +150,7 @@ class World(FactBase):
     check_time: Callable[[], object] = field(kw_only=True)  # raises LimitReached at the deadline
     wanted: Callable[[World, Stream, Args], bool] = field(kw_only=True, default=lambda *_: True)
     most: int = field(kw_only=True, default=MAX_CALLS)  # calls
+    opt_outputs: Mapping[str, Generator] = field(kw_only=True, default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -169,8 +172,8 @@ class World(FactBase):
     ) -> World:
         """All that is known and not hidden, and what calls of the `lazy` streams might add.
 
-        `limits` are `wanted`, which says of a stream and its inputs whether to assume the call, and `most`. Raises
-        TooManyCalls.
+        `limits` are `wanted`, which says of a stream and its inputs whether to assume the call, `most`, and the
+        `opt_outputs` that streams are hoped to give. Raises TooManyCalls.
         """
         hidden = hopes.hidden
         world = cls(
@@ -194,7 +197,7 @@ class World(FactBase):
                     world.costs[fact] = hopes.costs[fact]
                 else:
                     bound = opt_costs.get(name)
-                    world.costs[fact] = float(bound(*(world.values[a] for a in args))) if bound else 0.0
+                    world.costs[fact] = float(world._optimistic(name, args, bound)) if bound else 0.0
         world.costs |= base.costs
         return world
 
@@ -217,19 +220,38 @@ class World(FactBase):
                 if len(self.made) >= self.most:
                     raise TooManyCalls(f"more than {self.most} calls of streams are possible")
                 outputs = self.hopes.outputs(stream, key)
+                values = self._hoped_values(key, outputs)
+                if values is None:
+                    continue
                 binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
                 tests = [a for a in stream.domain if a.predicate in self.tests]
                 facts = [(a.predicate, *bind(a, binding)) for a in tests]
                 call = Call(stream, inputs, copy, outputs, tuple(f for f in facts if self.opinion(f) is None))
                 self.made[key] = call
-                for name in outputs:
-                    self.call_of[name] = call
-                    self.values[name] = Placeholder(name)
+                self.call_of |= dict.fromkeys(outputs, call)
+                self.values |= zip(outputs, values, strict=True)
                 for atom in stream.certified:
                     fact = (atom.predicate, *bind(atom, binding))
                     if self.add(fact):
                         self.maker[fact] = call
                 yield call
+
+    def _optimistic(self, name: str, args: Args, function: Callable[..., Any]) -> Any:
+        """What a user's optimistic function says of known values and placeholders. Raises InputError if it fails."""
+        try:
+            return function(*(self.values[arg] for arg in args))
+        except Exception as error:
+            raise failed(name, args, error) from error
+
+    def _hoped_values(self, key: Key, outputs: Args) -> Outputs | None:
+        """Values for the placeholders of a call: what its `opt_gen_fn` gives, None if it gives nothing."""
+        function = self.opt_outputs.get(key[0])
+        if function is None or not outputs:
+            return tuple(map(Placeholder, outputs))
+        if key not in self.hopes.values:
+            rows = one_by_one(self._optimistic(key[0], key[1], lambda *values: list(islice(function(*values), 9))))
+            self.hopes.values[key] = next(islice((row for row in rows if row), key[2], None), None)
+        return self.hopes.values[key]
 
     def coarse_name(self, name: str) -> str:
         """What stands for a placeholder in a coarse world."""
@@ -257,7 +279,11 @@ class World(FactBase):
         stream = self.tests[fact[0]]
         head = next(a.args for a in stream.certified if a.predicate == fact[0])
         binding = dict(zip(head, fact[1:], strict=True))
-        return all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain)
+        if not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return False
+        hope = self.opt_outputs.get(stream.name)
+        inputs = tuple(binding[variable] for variable in stream.inputs)
+        return hope is None or any(row != [] for row in self._optimistic(stream.name, inputs, hope))
 
     def truth(self, predicate: str, args: Args) -> bool:
         """Whether a fact is or may become true."""

@@ -9,7 +9,16 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, imply
-from gentamp_lp.streams.language import TOTAL_COST, Generator, PDDLProblem, from_fn, from_test, one_by_one
+from gentamp_lp.streams.language import (
+    DEBUG,
+    SHARED_DEBUG,
+    TOTAL_COST,
+    Generator,
+    PDDLProblem,
+    from_fn,
+    from_test,
+    one_by_one,
+)
 from gentamp_lp.streams.naming import RESERVED, Names, readable
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
@@ -87,9 +96,9 @@ def _streams(texts: Iterable[tuple[str, str]], domain: Domain) -> tuple[Stream, 
 
 def _generators(stream_map: Mapping[str, Any] | str, streams: Iterable[Stream]) -> dict[str, Generator]:
     if isinstance(stream_map, str):
-        if stream_map not in ("debug", "shared_debug"):
+        if stream_map not in (DEBUG, SHARED_DEBUG):
             raise InputError(f"`stream_map` is {stream_map!r}, neither a mapping nor 'debug'")
-        return {s.name: _debug(s, shared=stream_map == "shared_debug") for s in streams if s.kind != "rule"}
+        return {s.name: _debug(s, shared=stream_map == SHARED_DEBUG) for s in streams if s.kind != "rule"}
     lower = {str(name).lower(): generator for name, generator in stream_map.items()}
     found: dict[str, Generator] = {}
     for stream in streams:

@@ -24,6 +24,7 @@ from gentamp_lp.streams import (
     Not,
     Or,
     OrderedSkeleton,
+    PartialInputs,
     PDDLProblem,
     PlanConstraints,
     StreamInfo,
@@ -40,6 +41,10 @@ from gentamp_lp.streams import (
     negate_test,
     print_solution,
     solve,
+    solve_adaptive,
+    solve_binding,
+    solve_focused,
+    solve_incremental,
 )
 
 TRAVEL = """(define (domain travel)
@@ -275,6 +280,31 @@ def test_skeletons_over_sampled_values_and_cost_bounds() -> None:
         assert len(result.plan) == 1 and result.cost == result.plan[0].args[1] <= 5.6
 
 
+def test_optimistic_outputs_and_outcomes() -> None:
+    """What `opt_gen_fn` gives stands for samples in bounds of costs and in optimistic tests."""
+    spots = from_gen_fn(lambda i: iter([(6.5,), (5,), (7,)] if i == "a" else [(8,), (9,)]))
+    goal = Or(*(Exists(["?x"], ("On", i, "?x")) for i in "ab"))
+    bounded = {"height": FunctionInfo(opt_fn=lambda x: x / 2)}
+    with pytest.raises(InputError, match=r"`height` failed .*Placeholder"):
+        solve(shelf(goal, spots), stream_info=bounded)
+    asked: list[object] = []
+
+    def hoped(i: str) -> tuple[int]:
+        asked.append(i)
+        return (4 if i == "a" else 12,)
+
+    bounded["spots"] = StreamInfo(opt_gen_fn=from_fn(hoped))
+    result = solve(shelf(goal, spots), stream_info=bounded, planner="max-astar", max_time=30)
+    assert [a.args[0] for a in result.plan] == ["a"] and sorted(asked) == ["a", "b"]
+    refused = {**bounded, "stable": StreamInfo(opt_gen_fn=from_test(lambda i, x: i == "b"))}
+    result = solve(shelf(goal, spots), stream_info=refused, planner="max-astar", max_time=30)
+    assert [a.args[0] for a in result.plan] == ["b"]
+    nothing = {"spots": StreamInfo(opt_gen_fn=from_fn(lambda i: (1,) if i == "b" else None))}
+    assert [a.args[0] for a in solve(shelf(goal, spots), stream_info=nothing, max_time=30).plan] == ["b"]
+    nothing = {"spots": StreamInfo(opt_gen_fn=PartialInputs("?i", unique=True))}
+    assert solve(shelf(goal, spots), stream_info=nothing, max_time=30).plan
+
+
 # --- fluent streams and contextual generators
 
 DOOR = """(define (domain door)
@@ -430,9 +460,17 @@ def test_unknown_arguments_and_algorithms() -> None:
     with pytest.raises(TypeError, match="algorithmus"):
         solve(travel(("At", OSLO)), algorithmus="adaptive")
     with pytest.raises(InputError, match="adaptive, incremental"):
-        solve(travel(("At", OSLO)), "focused")
+        solve(travel(("At", OSLO)), "abstract")
     info = {"distance": FunctionInfo(verbose=False, p_success=1), "road": StreamInfo(verbose=False, overhead=1)}
     assert solve(travel(("At", OSLO)), stream_info=info, max_failures=3, visualize=False, effort_weight=1).plan
+
+
+def test_the_names_of_the_algorithms() -> None:
+    by_train = PlanConstraints([[("buy", []), ("ride", [WILD, WILD, OSLO])]])
+    for function in (solve_incremental, solve_adaptive, solve_focused, solve_binding):
+        assert [a.name for a in function(travel(("At", OSLO)), by_train, unit_costs=True).plan] == ["buy", "ride"]
+    for name in ("focused", "binding"):
+        assert solve(travel(("At", OSLO)), name).plan
 
 
 def test_a_failure_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
