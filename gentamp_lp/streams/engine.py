@@ -41,7 +41,7 @@ from gentamp_lp.streams.support import Needs, plan_needs
 #: Placeholders of one call, and steps that chains of calls get longer by, before the search is given up.
 MAX_COPIES = 4
 MAX_LEVELS = 10
-TRIES = 10  # with other samples for a plan that is too dear, or that a stream with `:fluents` refuses
+TRIES = 10  # with other samples for a plan that is too dear or that the real facts refute
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
 LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
 MAX_OBJECTS = 1000
@@ -351,8 +351,9 @@ class Engine:
                 return _Stuck(bound)
             result = self._execute(world, steps, needs, bound)
             if isinstance(result, _Stuck):
-                sampled = any(name in bound for failure in result.failures for name in failure.fact[1:])
-                if not sampled or bound == before or attempt == TRIES * self.effort - 1:
+                about = {name for failure in result.failures for name in failure.fact[1:]}
+                hopeless = about.isdisjoint(bound) if about else not self.exact
+                if hopeless or bound == before or attempt == TRIES * self.effort - 1:
                     return result
                 before = dict(bound)
                 continue

@@ -53,7 +53,7 @@ class DebugValue:
 def build(problem: PDDLProblem) -> Problem:
     """Read a problem. Raises InputError that names file and line, or the fact or stream at fault."""
     init, texts = list(problem.init), _texts(problem.stream_pddl)
-    domain = declare_undeclared(parse_domain(problem.domain_pddl, "domain.pddl"), texts, init)
+    domain = declare_undeclared(parse_domain(problem.domain_pddl, "domain.pddl"), texts, init, problem.goal)
     streams = _streams(texts, domain)
     generators = _generators(problem.stream_map, streams)
     values: dict[str, Any] = {}

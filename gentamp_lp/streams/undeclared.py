@@ -30,21 +30,24 @@ class _Uses:
     path: str
     line: int
     made: bool
-    read: bool = False
+    read: bool
 
 
-def declare_undeclared(domain: Domain, texts: Iterable[tuple[str, str]], init: Iterable[Any]) -> Domain:
+def declare_undeclared(domain: Domain, texts: Iterable[tuple[str, str]], init: Iterable[Any], goal: Any) -> Domain:
     """The domain with the predicates that only stream files (text and path) use.
 
     Raises InputError for one that nothing makes or nothing reads and whose name is like that of another.
     """
     given = {str(fact[0]).lower() for fact in init if isinstance(fact, tuple | list) and fact}
+    asked = set(_heads(goal))
     found: dict[str, _Uses] = {}
     for text, path in texts:
         for key, head, arity in _atoms(read_groups(text, path)):
             if head.name not in domain.predicates and head.name not in ("not", "or", "="):
                 predicate = Predicate(head.name, head.spelling, arity)
-                uses = found.setdefault(head.name, _Uses(predicate, path, head.line, head.name in given))
+                uses = found.setdefault(
+                    head.name, _Uses(predicate, path, head.line, head.name in given, head.name in asked)
+                )
                 uses.made |= key == _MADE
                 uses.read |= key == _READ
     for uses in found.values():
@@ -82,6 +85,14 @@ def _atoms(groups: Iterable[Group]) -> Iterator[tuple[str, Symbol, int]]:
                         yield from ((key.name, *atom) for atom in _conjuncts(value))
             case ":function" | ":predicate" if len(section.items) == 3:
                 yield from ((_READ, *atom) for atom in _conjuncts(section.items[2]))
+
+
+def _heads(formula: Any) -> Iterator[str]:
+    """Whatever may be a predicate in a formula that is written as tuples."""
+    if isinstance(formula, tuple | list) and formula:
+        yield str(formula[0]).lower()
+        for part in formula[1:]:
+            yield from _heads(part)
 
 
 def _conjuncts(item: Symbol | Group) -> Iterator[tuple[Symbol, int]]:

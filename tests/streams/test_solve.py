@@ -414,6 +414,24 @@ def test_spelling_mistakes_in_streams_are_errors_all_the_same(old: str, new: str
         solve(patch(PATCH_STREAMS.replace(old, new)), max_time=30)
 
 
+def test_goals_may_use_predicates_that_the_domain_does_not_declare() -> None:
+    text = PATCH_STREAMS.replace(
+        "(:function", "(:rule :inputs (?c) :domain (Crease ?c) :certified (Line ?c)) (:function"
+    )
+    goal = Exists(["?c"], And(("Line", "?c"), Not(Equal("?c", 0.5))))
+    with warnings.catch_warnings(action="error"):
+        assert solve(patch(text)._replace(goal=goal), max_time=30).plan == []
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_sample_that_must_differ_from_a_known_object(algorithm: str) -> None:
+    """The first twelve samples are what the goal excludes."""
+    spots = from_gen_fn(lambda i: iter([*((n,) for n in range(5, 17)), (18,)]))
+    excluded = [Not(Equal("?x", n)) for n in range(5, 17)]
+    result = solve(shelf(Exists(["?x"], And(("On", "a", "?x"), *excluded)), spots), algorithm, max_time=30)
+    assert [action.args for action in result.plan] == [("a", 18)], str(result.report)
+
+
 def test_what_nothing_reads_is_warned_of() -> None:
     text = PATCH_STREAMS.replace(
         "(:function", "(:rule :inputs (?c) :domain (Crease ?c) :certified (Line ?c)) (:function"
