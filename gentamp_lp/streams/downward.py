@@ -25,7 +25,7 @@ from typing import IO
 
 from gentamp_lp.children import die_with_parent
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
-from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.facts import Fact, FactBase, bind, match
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -35,12 +35,13 @@ from gentamp_lp.streams.formula import (
     Or,
     atoms,
     conjuncts,
+    free_variables,
     normalize,
     rebuilt,
     substitute,
     to_pddl,
 )
-from gentamp_lp.streams.pddl import Axiom, Effect
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
 from gentamp_lp.streams.semantics import Program, State, Step, View
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
@@ -275,7 +276,9 @@ def write_problem(
     formulas = [*program.preconditions.values(), *(a.body for a in axioms)]
     formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
     used = {a.predicate: len(a.args) for f in formulas for a in atoms(_complement(f, base, exact))}
-    costs = {} if unit_costs else {a.name: a.cost for a in program.domain.actions if a.cost}
+    charged = [] if unit_costs else [a for a in program.domain.actions if a.cost or a.cost_terms]
+    costs = {schema.name: _charge(schema) for schema in charged}
+    values = {fact: value for schema in charged for fact, value in _charges(schema, base)}
     lines = [f"(define (domain {program.domain.name or 'd'})", "(:requirements :adl :derived-predicates)"]
     declared: dict[str, int] = {}
     for name in sorted(used.keys() | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
@@ -312,7 +315,6 @@ def write_problem(
         )
     lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base, exact)})" for a in axioms]
     domain_text = "\n".join([*lines, ")"])
-    values = {fact: value for fact, value in base.costs.items() if fact[0] in terms}
     facts = list(_facts(base, given)) + sorted(state) + [(f"value-of-{f[0]}", *f[1:]) for f in values]
     objects = dict.fromkeys(a for f in facts for a in f[1:] if a not in constants)
     problem = [
@@ -327,6 +329,32 @@ def write_problem(
         "(:metric minimize (total-cost)))" if costs else ")",
     ]
     return domain_text, "\n".join(problem)
+
+
+def _charge(schema: ActionSchema) -> float | Atom:
+    """What Fast Downward is told that an action costs: a number or one function, which may stand for a sum."""
+    if not schema.cost_terms:
+        return schema.cost
+    if len(schema.cost_terms) == 1 and not schema.cost:
+        return schema.cost_terms[0]
+    return Atom(f"cost-of-{schema.name}", tuple(sorted(set().union(*map(free_variables, schema.cost_terms)))))
+
+
+def _charges(schema: ActionSchema, base: FactBase) -> Iterator[tuple[Fact, float]]:
+    """The values of the function that says what an action costs."""
+    match _charge(schema):
+        case Atom() as function:
+            sums: list[tuple[dict[str, str], float]] = [({}, schema.cost)]
+            for term in schema.cost_terms:
+                rows = [(fact[1:], value) for fact, value in base.costs.items() if fact[0] == term.predicate]
+                sums = [
+                    (extended, total + value)
+                    for binding, total in sums
+                    for row, value in rows
+                    if (extended := match(term.args, row, binding)) is not None
+                ]
+            for binding, total in sums:
+                yield (function.predicate, *bind(function, binding)), total
 
 
 def scaled(cost: float) -> int:

@@ -20,7 +20,6 @@ from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
 from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, Planner, translated
 from gentamp_lp.streams.facts import Args, Fact, bind
 from gentamp_lp.streams.focus import focus
-from gentamp_lp.streams.formula import Atom
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.language import INF, Generator
 from gentamp_lp.streams.optimism import (
@@ -473,22 +472,21 @@ class Engine:
 
     def _cost(self, step: Step) -> float | None:
         schema = self.program.domain.action(step.schema)
-        if self.options.unit_costs or not any(a.cost for a in self.program.domain.actions):
+        if self.options.unit_costs or not any(a.cost or a.cost_terms for a in self.program.domain.actions):
             return 1.0
-        if not isinstance(schema.cost, Atom):
-            return schema.cost
         binding = dict(zip(schema.parameters, step.args, strict=True))
-        return self.base.cost(schema.cost.predicate, tuple(binding.get(a, a) for a in schema.cost.args))
+        values = [self.base.cost(term.predicate, bind(term, binding)) for term in schema.cost_terms]
+        return None if None in values else schema.cost + sum(value for value in values if value is not None)
 
     def _learn_costs(self, world: World, steps: list[Step], bound: Assignment) -> dict[Fact, float]:
         """What functions of placeholders came to in a plan."""
         found: dict[Fact, float] = {}
         for step in steps:
             schema = self.program.domain.action(step.schema)
-            if isinstance(schema.cost, Atom):
-                binding = dict(zip(schema.parameters, step.args, strict=True))
-                args = tuple(binding.get(a, a) for a in schema.cost.args)
-                value = self.base.cost(schema.cost.predicate, tuple(bound.get(a, a) for a in args))
+            binding = dict(zip(schema.parameters, step.args, strict=True))
+            for term in schema.cost_terms:
+                args = bind(term, binding)
+                value = self.base.cost(term.predicate, tuple(bound.get(a, a) for a in args))
                 if value is not None and any(a in world.call_of for a in args):
-                    found[(schema.cost.predicate, *args)] = value + 1 / COST_SCALE
+                    found[(term.predicate, *args)] = value + 1 / COST_SCALE
         return found

@@ -24,7 +24,7 @@ from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sorts import infer_sorts
 from gentamp_lp.streams.stream_file import Stream, parse_streams
-from gentamp_lp.streams.undeclared import declare_undeclared, suspect
+from gentamp_lp.streams.undeclared import declare_undeclared, stream_functions, suspect
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class DebugValue:
 def build(problem: PDDLProblem) -> Problem:
     """Read a problem. Raises InputError that names file and line, or the fact or stream at fault."""
     init, texts = list(problem.init), _texts(problem.stream_pddl)
-    domain = declare_undeclared(parse_domain(problem.domain_pddl, "domain.pddl"), texts, init, problem.goal)
+    domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(texts))
+    domain = declare_undeclared(domain, texts, init, problem.goal)
     streams = _streams(texts, domain)
     generators = _generators(problem.stream_map, streams)
     values: dict[str, Any] = {}

@@ -98,9 +98,10 @@ def plan_needs(program: Program, world: World, state: State, steps: list[Step], 
 
 def _cost_conditions(world: World, schema: ActionSchema) -> Iterator[Formula]:
     """What has to hold for an action's cost to be computed."""
-    if isinstance(schema.cost, Atom) and (function := world.functions.get(schema.cost.predicate)):
-        binding = dict(zip(function.inputs, schema.cost.args, strict=True))
-        yield from (substitute(atom, binding) for atom in function.domain)
+    for term in schema.cost_terms:
+        if function := world.functions.get(term.predicate):
+            binding = dict(zip(function.inputs, term.args, strict=True))
+            yield from (substitute(atom, binding) for atom in function.domain)
 
 
 class Support:

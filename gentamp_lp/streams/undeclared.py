@@ -59,6 +59,17 @@ def declare_undeclared(domain: Domain, texts: Iterable[tuple[str, str]], init: I
     return replace(domain, predicates={**domain.predicates, **{name: uses.first for name, uses in found.items()}})
 
 
+def stream_functions(texts: Iterable[tuple[str, str]]) -> dict[str, Predicate]:
+    """The functions that stream files (text and path) declare."""
+    found: dict[str, Predicate] = {}
+    for text, path in texts:
+        for section in (item for group in read_groups(text, path) for item in group.items if isinstance(item, Group)):
+            if section.head == ":function" and len(section.items) > 1:
+                for head, arity in _conjuncts(section.items[1]):
+                    found[head.name] = Predicate(head.name, head.spelling, arity)
+    return found
+
+
 def suspect(
     kind: str, spelling: str, known: Iterable[str], why: str, path: str | None = None, line: int | None = None
 ) -> None:

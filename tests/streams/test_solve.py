@@ -365,6 +365,35 @@ def test_a_contextual_generator_sees_what_stands() -> None:
     assert sorted(a.args[1] for a in result.plan) == [0, 1, 2, 3, 4]
 
 
+DRIVES = """(define (domain drives)
+  (:predicates (Town ?a) (At ?a) (Car ?c) (Left))
+  (:functions (Toll ?a ?b))
+  (:action drive :parameters (?c ?a ?b) :precondition (and (Car ?c) (At ?a) (Town ?b))
+    :effect (and (At ?b) (not (At ?a)) (increase (total-cost) 2) (increase (total-cost) (Toll ?a ?b))
+      (increase (total-cost) (Fuel ?c)) (increase (total-cost) (Fuel ?c)) (increase (total-cost) 0.5)))
+  (:action stay :parameters (?c) :precondition (Car ?c) :effect (and (Left) (increase (total-cost) (Fuel ?c)))))"""
+FUEL = """(define (stream drives)
+  (:stream car :outputs (?c) :certified (Car ?c))
+  (:function (Fuel ?c) (Car ?c)))"""
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_the_costs_of_an_action_are_added_up(algorithm: str) -> None:
+    """One of them is a function that only the streams declare."""
+    tolls = {("a", "b"): 1.0, ("b", "c"): 1.5, ("a", "c"): 20.0}
+    init = [("Town", t) for t in "abc"] + [("At", "a")] + [Equal(("Toll", *way), toll) for way, toll in tolls.items()]
+    functions = {"car": from_list_fn(lambda: [(n,) for n in (4, 2, 3)]), "fuel": lambda c: 0.25 * c}
+    problem = PDDLProblem(DRIVES, {}, FUEL, functions, init, ("At", "c"))
+    result = solve(problem, algorithm, max_cost=10, max_time=30)
+    route = [(args[1], args[2]) for _, args in result.plan]
+    assert route == [("a", "b"), ("b", "c")]
+    assert result.cost == pytest.approx(sum(2.5 + tolls[args[1], args[2]] + 0.5 * args[0] for _, args in result.plan))
+    best = solve(problem, algorithm, max_cost=9.5, max_time=30)
+    assert best.cost == 9.5 and {args[0] for _, args in best.plan} == {2}
+    both = solve(problem._replace(goal=And(("At", "b"), ("Left",))), algorithm, planner="max-astar", max_time=30)
+    assert both.cost <= 2.5 + 1 + 3 * 0.25 * 4 and solve(problem, algorithm, unit_costs=True, max_time=30).cost == 1
+
+
 # --- predicates that only streams know
 
 PATCH = """(define (domain patch)
