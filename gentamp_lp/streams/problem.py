@@ -23,7 +23,7 @@ from gentamp_lp.streams.naming import RESERVED, Names, readable
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sorts import infer_sorts
-from gentamp_lp.streams.stream_file import Stream, parse_streams
+from gentamp_lp.streams.stream_file import Stream, mark_recursive, parse_streams
 from gentamp_lp.streams.undeclared import declare_undeclared, stream_functions, suspect
 
 
@@ -92,7 +92,7 @@ def _streams(texts: Iterable[tuple[str, str]], domain: Domain) -> tuple[Stream, 
             if stream.name in streams:
                 raise InputError(Diagnostic(f"stream `{stream.name}` is declared twice", path, stream.line))
             streams[stream.name] = stream
-    return tuple(streams.values())
+    return mark_recursive(streams.values())
 
 
 def _generators(stream_map: Mapping[str, Any] | str, streams: Iterable[Stream]) -> dict[str, Generator]:

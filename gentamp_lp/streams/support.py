@@ -47,12 +47,16 @@ class Needs:
     calls: dict[tuple[str, Args, int], Call] = field(default_factory=dict)
 
     def add_call(self, call: Call, world: World) -> None:
-        """Add a call, the calls its inputs come from, and the tests they have to pass."""
+        """Add a call, the calls that its inputs and conditions come from, and the tests they have to pass."""
         if call.key in self.calls:
             return
         for name in call.inputs:
             if name in world.call_of:
                 self.add_call(world.call_of[name], world)
+        binding = dict(zip(call.stream.inputs, call.inputs, strict=True))
+        for atom in call.stream.domain:
+            if maker := world.maker.get((atom.predicate, *bind(atom, binding))):
+                self.add_call(maker, world)
         for fact in call.requires:
             self.literals.add((fact, True))
             for name in fact[1:]:

@@ -188,6 +188,18 @@ def test_rules_are_chained(algorithm: str) -> None:
     assert result.status == "solved", str(result.report)
 
 
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_tests_may_certify_what_their_conditions_speak_of(algorithm: str) -> None:
+    """One says what was known before, another turns its condition round."""
+    more = """(:stream again :inputs (?i ?x) :domain (Spot ?i ?x) :certified (Spot ?i ?x))
+      (:stream turned :inputs (?x ?y) :domain (Linked ?x ?y) :certified (Linked ?y ?x)))"""
+    problem = shelf(("Seen", 5), from_list_fn(lambda i: [(5,), (6,), (8,)]), again=from_test(lambda i, x: x != 5))
+    problem.stream_map["turned"] = from_test(lambda x, y: True)
+    for files in (SHELF_STREAMS[:-1] + more, [SHELF_STREAMS, "(define (stream more) " + more]):
+        result = solve(problem._replace(stream_pddl=files), algorithm, max_time=30)
+        assert [(a.name, a.args[1]) for a in result.plan] == [("look", 5)], str(result.report)
+
+
 def test_constant_and_wild_streams() -> None:
     assert solve(shelf(("On", "a", 8), from_constant((8,)))).cost == 8
     assert solve(shelf(("On", "a", 3), from_constant((3,)))).status == "no plan"  # not stable
