@@ -99,6 +99,8 @@ class _Search:
         bound = self.options.max_cost
         while True:
             engine = Engine(self.problem, replace(self.options, max_cost=bound, time_limit=deadline - time.monotonic()))
+            if self.unbounded and not self.options.adaptive:
+                engine.level = self.unbounded[-1].level  # go on where the last search had come to
             self.unbounded.append(engine)
             try:
                 with interrupting(self.problem.base, engine.options.time_limit):

@@ -292,6 +292,13 @@ def test_skeletons_over_sampled_values_and_cost_bounds() -> None:
         assert len(result.plan) == 1 and result.cost == result.plan[0].args[1] <= 5.6
 
 
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_cheaper_plans_are_looked_for_among_more_samples(algorithm: str) -> None:
+    spots = from_gen_fn(lambda i: ((10 - n,) for n in itertools.count()) if i == "a" else iter(()))
+    result = solve(shelf(Exists(["?x"], ("On", "a", "?x")), spots), algorithm, success_cost=6.5, max_time=30)
+    assert result.cost == 6, str(result.report)
+
+
 def test_optimistic_outputs_and_outcomes() -> None:
     """What `opt_gen_fn` gives stands for samples in bounds of costs and in optimistic tests."""
     spots = from_gen_fn(lambda i: iter([(6.5,), (5,), (7,)] if i == "a" else [(8,), (9,)]))
