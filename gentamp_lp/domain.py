@@ -54,6 +54,10 @@ def load_domain(name: str, beside: Path | None = None, *, trust: bool = False) -
         )  # fmt: skip
     domain = parse_domain(_read(path / "domain.pddl"), path / "domain.pddl")
     streams = parse_streams(_read(path / "stream.pddl"), domain, path / "stream.pddl")
+    for stream in streams:
+        if stream.fluents:
+            message = f"stream `{stream.name}` has `:fluents`, which tasks do not support"
+            raise InputError(Diagnostic(message, path / "stream.pddl", stream.line, hint="use an axiom instead"))
     folder = DomainFolder(path, domain, streams, _import(path))
     _LOADED[path] = folder
     return folder

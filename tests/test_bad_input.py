@@ -224,6 +224,9 @@ CASES = {
         "domain.pddl:3", ""),
     "stream with unknown predicate": (
         lambda p: ["check", p.coins(stream=STREAM.replace("(side", "(sied")), "--trust"], "stream.pddl:2", "sied"),
+    "stream that asks for the state": (
+        lambda p: ["check", p.coins(stream=STREAM.replace(":outputs", ":fluents (tails) :outputs")), "--trust"],
+        "stream.pddl:2", "`:fluents`, which tasks do not support"),
     "stream without sampler": (
         lambda p: ["check", p.coins(code=CODE.replace('"sample-side"', '"sample"')), "--trust"],
         "has no Python sampler", "stream.pddl:2"),

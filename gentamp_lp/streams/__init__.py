@@ -3,7 +3,9 @@
 from gentamp_lp.streams.constraints import WILD, OrderedSkeleton, PlanConstraints
 from gentamp_lp.streams.downward import PLANNERS
 from gentamp_lp.streams.language import (
+    DEBUG,
     INF,
+    SHARED_DEBUG,
     TOTAL_COST,
     Action,
     And,
@@ -42,13 +44,23 @@ from gentamp_lp.streams.language import (
     print_solution,
     universe_test,
 )
-from gentamp_lp.streams.solving import ALGORITHMS, Report, Result, solve
+from gentamp_lp.streams.solving import (
+    ALGORITHMS,
+    Report,
+    Result,
+    solve,
+    solve_adaptive,
+    solve_binding,
+    solve_focused,
+    solve_incremental,
+)
 
 __all__ = [
-    "ALGORITHMS", "INF", "PLANNERS", "TOTAL_COST", "WILD", "Action", "And", "Certificate", "Equal", "Exists",
+    "ALGORITHMS", "DEBUG", "INF", "PLANNERS", "SHARED_DEBUG", "TOTAL_COST", "WILD", "Action", "And",
+    "Certificate", "Equal", "Exists",
     "ExternalInfo", "Fact", "ForAll", "Forall", "FunctionInfo", "Imply", "Minimize", "Not", "Or", "OrderedSkeleton",
     "Output", "PDDLProblem", "PartialInputs", "PlanConstraints", "PredicateInfo", "Report", "Result", "Solution",
     "StreamInfo", "Type", "WildOutput", "empty_gen", "empty_test", "fn_from_constant", "from_constant", "from_fn",
     "from_gen", "from_gen_fn", "from_list_fn", "from_list_gen_fn", "from_sampler", "from_test", "negate_test",
-    "print_solution", "solve", "universe_test",
+    "print_solution", "solve", "solve_adaptive", "solve_binding", "solve_focused", "solve_incremental", "universe_test",
 ]  # fmt: skip

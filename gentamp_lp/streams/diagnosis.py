@@ -9,7 +9,7 @@ from dataclasses import replace
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.engine import Engine
 from gentamp_lp.streams.facts import FactBase
-from gentamp_lp.streams.formula import TRUE, And, Atom, Exists, Formula, Not, Or, conjuncts, normalize, to_pddl
+from gentamp_lp.streams.formula import TRUE, And, Atom, Formula, Not, conjuncts, normalize, rebuilt, to_pddl
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.pddl import ActionSchema
 from gentamp_lp.streams.semantics import Program, State, View, effects_of
@@ -47,7 +47,7 @@ def _streams(engine: Engine) -> Iterator[str]:
 
 def _reachability(program: Program, base: FactBase, state: State, goal: Formula) -> Iterator[str]:
     """What stays out of reach of the samples although negative conditions and deletions are ignored."""
-    relaxed = _relaxed(program)
+    relaxed = _relaxed(program, base)
     deadline = time.monotonic() + TIME_LIMIT
     reached, growing = state, True
     while growing and time.monotonic() < deadline:
@@ -61,7 +61,7 @@ def _reachability(program: Program, base: FactBase, state: State, goal: Formula)
         growing = not more <= reached
         reached |= more
     view = View(relaxed, base, reached)
-    missing = [part for part in conjuncts(normalize(goal)) if not view.holds(_positive(part))]
+    missing = [part for part in conjuncts(normalize(goal)) if not view.holds(_positive(part, base))]
     for part in missing[:1]:
         yield f"no sequence of actions over the samples so far reaches the goal {_text(part)}"
     for schema in relaxed.domain.actions:
@@ -81,33 +81,30 @@ def _blocking(view: View, schema: ActionSchema, program: Program) -> Formula | N
     return None
 
 
-def _relaxed(program: Program) -> Program:
+def _relaxed(program: Program, base: FactBase) -> Program:
     domain = program.domain
     actions = tuple(
         replace(
             a,
-            precondition=_positive(program.preconditions[a.name]),
-            effects=tuple(replace(e, condition=_positive(normalize(e.condition))) for e in a.effects if e.positive),
+            precondition=_positive(program.preconditions[a.name], base),
+            effects=tuple(
+                replace(e, condition=_positive(normalize(e.condition), base)) for e in a.effects if e.positive
+            ),
         )
         for a in domain.actions
     )
-    axioms = tuple(replace(a, body=_positive(a.body)) for rows in program.axioms.values() for a in rows)
+    axioms = tuple(replace(a, body=_positive(a.body, base)) for rows in program.axioms.values() for a in rows)
     return Program.of(replace(domain, actions=actions, axioms=axioms))
 
 
-def _positive(formula: Formula) -> Formula:
-    """A normalized formula without what it denies."""
+def _positive(formula: Formula, base: FactBase) -> Formula:
+    """A normalized formula without what it denies and what a test says of one state."""
     match formula:
         case Not():
             return TRUE
-        case And(parts):
-            return And(tuple(_positive(part) for part in parts))
-        case Or(parts):
-            return Or(tuple(_positive(part) for part in parts))
-        case Exists(variables, body):
-            return Exists(variables, _positive(body))
-    assert isinstance(formula, Atom)
-    return formula
+        case Atom(predicate, args) if predicate in base.state_tests:
+            return And(tuple(base.test_conditions(predicate, args)))
+    return rebuilt(formula, lambda part: _positive(part, base))
 
 
 def _text(formula: Formula) -> str:

@@ -18,13 +18,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
 from gentamp_lp.children import die_with_parent
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
-from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.facts import Fact, FactBase, bind, match
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -34,12 +35,13 @@ from gentamp_lp.streams.formula import (
     Or,
     atoms,
     conjuncts,
+    free_variables,
     normalize,
     rebuilt,
     substitute,
     to_pddl,
 )
-from gentamp_lp.streams.pddl import Axiom, Effect
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
 from gentamp_lp.streams.semantics import Program, State, Step, View
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
@@ -101,12 +103,41 @@ def search(
 ) -> list[Step] | None:
     """Plan over the facts known so far; None when these do not admit a plan of at most `max_cost`.
 
+    See `translated` for the arguments. Raises LimitReached when every search hit the time or memory limit, SolverError
+    when Fast Downward fails.
+    """
+    deadline = time.monotonic() + time_limit
+    with translated(
+        program, base, state, goal,
+        time_limit=time_limit, seed=seed, memory_limit=memory_limit, unit_costs=unit_costs, exact=exact,
+    ) as planner:  # fmt: skip
+        return planner(searches, deadline - time.monotonic(), max_cost)
+
+
+#: What `translated` gives: called with searches, seconds and the maximal cost, it returns a plan or None.
+Planner = Callable[[tuple[str, ...], float, float], list[Step] | None]
+
+
+@contextmanager
+def translated(
+    program: Program,
+    base: FactBase,
+    state: State,
+    goal: Formula,
+    *,
+    time_limit: float,
+    seed: int | None = None,
+    memory_limit: int = MEMORY_LIMIT,
+    unit_costs: bool = False,
+    exact: bool = False,
+) -> Iterator[Planner]:
+    """A problem translated for Fast Downward once, to be searched as often as wanted.
+
     Fast Downward breaks ties by name. With a `seed`, entities get other names at random, so that which of several like
     things comes first says nothing. See `write_problem` for `exact`. `memory_limit` is in bytes.
 
-    Raises LimitReached when every search hit the time or memory limit, SolverError when Fast Downward fails.
+    Raises LimitReached when the translation hits the time or memory limit, SolverError when it fails.
     """
-    deadline = time.monotonic() + time_limit
     with tempfile.TemporaryDirectory(prefix="gentamp-fd-") as folder:
         here = Path(folder)
         names = _disguises(base, seed)
@@ -117,33 +148,45 @@ def search(
             sys.executable, "-m", "fast_downward.translate", "--invariant-generation-max-candidates", "0",
             "domain.pddl", "problem.pddl",
         ]  # fmt: skip
-        code, output = _run(translate, here, deadline - time.monotonic(), memory_limit)
-        if code in _UNSOLVABLE:
-            return None
+        code, output = _run(translate, here, time_limit, memory_limit)
         if code in _OUT_OF_MEMORY:
             raise MemoryLimitReached("translating the sampled problem for Fast Downward ran out of memory")
         if code in _OUT_OF_TIME:
             raise LimitReached("translating the sampled problem for Fast Downward reached its time limit")
-        if code != 0:
+        if code != 0 and code not in _UNSOLVABLE:
             raise SolverError(f"Fast Downward's translator failed with code {code}:\n{output[-2000:]}")
-        for string, share in zip(searches, _SHARES[-len(searches) :], strict=True):
-            left = share * (deadline - time.monotonic())
-            command = [str(binary()), "--search", _bounded(string, max_cost, unit_costs)]
-            with (here / "output.sas").open("rb") as task:
-                code, output = _run(command, here, left, memory_limit, task)
-            if code in _SOLVED:
-                plan = _rename((here / "sas_plan").read_text(), {new: old for old, new in names.items()})
-                return _read_plan(plan, program)
-            if code == _INCOMPLETE and not string.startswith("ehc"):
+        old_names = {new: old for old, new in names.items()}
+
+        def planner(searches: tuple[str, ...], seconds: float, max_cost: float) -> list[Step] | None:
+            if code in _UNSOLVABLE or not _search(here, searches, seconds, memory_limit, max_cost, unit_costs):
                 return None
-            if code in _UNSOLVABLE - {_INCOMPLETE}:
-                return None
-            if code not in _OUT_OF_TIME | _OUT_OF_MEMORY | {_INCOMPLETE}:
-                raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
-        allowed = f"{time_limit:.0f} s and {memory_limit / 1024**3:.1f} GiB"
-        if code in _OUT_OF_MEMORY:
-            raise MemoryLimitReached(f"Fast Downward found no plan within {allowed}: out of memory")
-        raise LimitReached(f"Fast Downward found no plan within {allowed}")
+            return _read_plan(_rename((here / "sas_plan").read_text(), old_names))
+
+        yield planner
+
+
+def _search(
+    here: Path, searches: tuple[str, ...], seconds: float, memory_limit: int, max_cost: float, unit_costs: bool
+) -> bool:
+    """Try each search with its share of the time; True when one has written a plan, False when there is none."""
+    deadline = time.monotonic() + seconds
+    for string, share in zip(searches, _SHARES[-len(searches) :], strict=True):
+        left = share * (deadline - time.monotonic())
+        command = [str(binary()), "--search", _bounded(string, max_cost, unit_costs)]
+        with (here / "output.sas").open("rb") as task:
+            code, output = _run(command, here, left, memory_limit, task)
+        if code in _SOLVED:
+            return True
+        if code == _INCOMPLETE and not string.startswith("ehc"):
+            return False
+        if code in _UNSOLVABLE - {_INCOMPLETE}:
+            return False
+        if code not in _OUT_OF_TIME | _OUT_OF_MEMORY | {_INCOMPLETE}:
+            raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
+    allowed = f"{seconds:.0f} s and {memory_limit / 1024**3:.1f} GiB"
+    if code in _OUT_OF_MEMORY:
+        raise MemoryLimitReached(f"Fast Downward found no plan within {allowed}: out of memory")
+    raise LimitReached(f"Fast Downward found no plan within {allowed}")
 
 
 def _bounded(string: str, max_cost: float, unit_costs: bool) -> str:
@@ -170,7 +213,7 @@ def _rename(text: str, names: Mapping[str, str]) -> str:
     return re.sub(r"(?<=\s)[^\s()]+", lambda found: names.get(found[0], found[0]), text)
 
 
-def _read_plan(text: str, program: Program) -> list[Step]:
+def _read_plan(text: str) -> list[Step]:
     lines = (line.strip("() ").split() for line in text.splitlines() if line.startswith("("))
     return [Step(name, tuple(args)) for name, *args in lines]
 
@@ -233,7 +276,9 @@ def write_problem(
     formulas = [*program.preconditions.values(), *(a.body for a in axioms)]
     formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
     used = {a.predicate: len(a.args) for f in formulas for a in atoms(_complement(f, base, exact))}
-    costs = {} if unit_costs else {a.name: a.cost for a in program.domain.actions if a.cost}
+    charged = [] if unit_costs else [a for a in program.domain.actions if a.cost or a.cost_terms]
+    costs = {schema.name: _charge(schema) for schema in charged}
+    values = {fact: value for schema in charged for fact, value in _charges(schema, base)}
     lines = [f"(define (domain {program.domain.name or 'd'})", "(:requirements :adl :derived-predicates)"]
     declared: dict[str, int] = {}
     for name in sorted(used.keys() | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
@@ -270,7 +315,6 @@ def write_problem(
         )
     lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base, exact)})" for a in axioms]
     domain_text = "\n".join([*lines, ")"])
-    values = {fact: value for fact, value in base.costs.items() if fact[0] in terms}
     facts = list(_facts(base, given)) + sorted(state) + [(f"value-of-{f[0]}", *f[1:]) for f in values]
     objects = dict.fromkeys(a for f in facts for a in f[1:] if a not in constants)
     problem = [
@@ -285,6 +329,32 @@ def write_problem(
         "(:metric minimize (total-cost)))" if costs else ")",
     ]
     return domain_text, "\n".join(problem)
+
+
+def _charge(schema: ActionSchema) -> float | Atom:
+    """What Fast Downward is told that an action costs: a number or one function, which may stand for a sum."""
+    if not schema.cost_terms:
+        return schema.cost
+    if len(schema.cost_terms) == 1 and not schema.cost:
+        return schema.cost_terms[0]
+    return Atom(f"cost-of-{schema.name}", tuple(sorted(set().union(*map(free_variables, schema.cost_terms)))))
+
+
+def _charges(schema: ActionSchema, base: FactBase) -> Iterator[tuple[Fact, float]]:
+    """The values of the function that says what an action costs."""
+    match _charge(schema):
+        case Atom() as function:
+            sums: list[tuple[dict[str, str], float]] = [({}, schema.cost)]
+            for term in schema.cost_terms:
+                rows = [(fact[1:], value) for fact, value in base.costs.items() if fact[0] == term.predicate]
+                sums = [
+                    (extended, total + value)
+                    for binding, total in sums
+                    for row, value in rows
+                    if (extended := match(term.args, row, binding)) is not None
+                ]
+            for binding, total in sums:
+                yield (function.predicate, *bind(function, binding)), total
 
 
 def scaled(cost: float) -> int:

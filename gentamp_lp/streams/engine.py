@@ -13,26 +13,38 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
-from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, search
-from gentamp_lp.streams.facts import Args, Fact
-from gentamp_lp.streams.formula import Atom
+from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, Planner, translated
+from gentamp_lp.streams.facts import Args, Fact, bind
+from gentamp_lp.streams.focus import focus
 from gentamp_lp.streams.incremental import run_tests, sample
-from gentamp_lp.streams.language import INF
-from gentamp_lp.streams.optimism import Failure, Hopes, Split, World, hopeful_problem, relevant_streams, split
+from gentamp_lp.streams.language import INF, Generator
+from gentamp_lp.streams.optimism import (
+    Failure,
+    Hopes,
+    Split,
+    TooManyCalls,
+    World,
+    hopeful_problem,
+    relevant_streams,
+    split,
+)
 from gentamp_lp.streams.problem import Problem
 from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
+from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.streams.support import Needs, plan_needs
 
 #: Placeholders of one call, and steps that chains of calls get longer by, before the search is given up.
 MAX_COPIES = 4
 MAX_LEVELS = 10
-COST_TRIES = 10  # other samples for a plan that is too dear
+TRIES = 10  # with other samples for a plan that is too dear or that the real facts refute
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
 LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
 MAX_OBJECTS = 1000
+MANY_CALLS = 5000  # of streams; if more are possible, those are assumed that matter to a coarse plan
 FIRST_SLICE = 2.0  # seconds for a first search of an optimistic problem; doubled when it does not suffice
 
 
@@ -53,6 +65,7 @@ class Options:
     eager: frozenset[str] = frozenset()
     contextual: frozenset[str] = frozenset()
     opt_costs: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    opt_outputs: Mapping[str, Generator] = field(default_factory=dict)
     progress: Callable[[str], None] = lambda _: None
 
 
@@ -71,7 +84,7 @@ class _Stuck:
     """Where the execution of a plan fails: at a call in a state, or (None) at a condition."""
 
     refuted: Refuted | None = None
-    situation: frozenset[Fact] = frozenset()
+    failures: tuple[Failure, ...] = ()  # what streams with `:fluents` said in this state, about placeholders
     dear: bool = False  # the plan holds but costs too much
 
 
@@ -96,6 +109,7 @@ class Engine:
         self.hopes = Hopes(depth=len(self.streams) + 1)
         self.searches = options.searches
         self.few_tests = FEW_TESTS
+        self.focusing = True
         self.exact = False
         self.effort = 1
         self.level = 0
@@ -119,10 +133,13 @@ class Engine:
                 raise LimitReached(f"no plan within {self.options.max_iterations} iterations")
             self._apply_rules()
             self._show_exhausted()
-            world = World.of(self.base, self.hopes, self.lazy, self.options.opt_costs, self._left)
+            world, focused = self._world()
             steps = self._plan(world)
             if steps is None:
-                self._hope_again(world)
+                if focused:
+                    self.focusing = False
+                else:
+                    self._hope_again(world)
                 continue
             needs = plan_needs(self.program, world, self.state, steps, self.goal)
             if needs is None:
@@ -131,6 +148,25 @@ class Engine:
             found = self._complete(world, steps, needs)
             if found is not None:
                 return found
+
+    def _world(self) -> tuple[World, bool]:
+        """What may be, and whether that is only what matters to a plan over a coarse view of it."""
+
+        def world(hopes: Hopes, **limits: Any) -> World:
+            costs, outputs = self.options.opt_costs, self.options.opt_outputs
+            return World.of(self.base, hopes, self.lazy, costs, self._left, opt_outputs=outputs, **limits)
+
+        if not self.focusing:
+            return world(self.hopes), False
+        try:
+            return world(self.hopes, most=MANY_CALLS), False
+        except TooManyCalls:
+            coarse = world(Hopes(depth=self.hopes.depth, hidden=self.hopes.hidden, coarse=True))
+            steps = self._plan(coarse)
+            if steps is None:
+                self.focusing = False
+                return world(self.hopes), False
+            return world(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
 
     def _left(self) -> float:
         left = self.deadline - time.monotonic()
@@ -181,15 +217,30 @@ class Engine:
             self._splits[self.exact] = split(self.program, self.goal, self.base, self.exact)
         task = self._splits[self.exact]
         program, base = hopeful_problem(task, world)
-        costs = self.options
+        options, start = self.options, time.monotonic()
+        limit = min(self._left(), options.planner_time)
+        try:
+            with translated(
+                program, base, self.state, task.goal,
+                time_limit=limit, memory_limit=options.memory_limit, unit_costs=options.unit_costs,
+            ) as planner:  # fmt: skip
+                steps = self._search(planner)
+        finally:
+            self.planner_seconds += time.monotonic() - start
+        length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
+        options.progress(
+            f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
+            f"calls assumed ({time.monotonic() - start:.2f} s)"
+        )
+        return steps
+
+    def _search(self, planner: Planner) -> list[Step] | None:
+        """Search in slices of time that become longer and begin with another search when the first was in vain."""
         while True:
             start = time.monotonic()
             limit = min(self._left(), self.slice)
             try:
-                steps = search(
-                    program, base, self.state, task.goal, time_limit=limit, searches=self.searches,
-                    memory_limit=costs.memory_limit, max_cost=costs.max_cost, unit_costs=costs.unit_costs,
-                )  # fmt: skip
+                steps = planner(self.searches, limit, self.options.max_cost)
             except MemoryLimitReached:
                 raise
             except LimitReached:
@@ -197,15 +248,8 @@ class Engine:
                     raise
                 self.slice = min(2 * self.slice, self.options.planner_time)
                 continue
-            finally:
-                self.planner_seconds += time.monotonic() - start
             if time.monotonic() - start > limit / 2:  # the first search used its share up in vain
                 self.searches = (*self.searches[1:], self.searches[0])
-            length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
-            self.options.progress(
-                f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
-                f"calls assumed ({time.monotonic() - start:.2f} s)"
-            )
             return steps
 
     def _hope_again(self, world: World) -> None:
@@ -299,12 +343,20 @@ class Engine:
     def _bind(self, world: World, steps: list[Step], needs: Needs) -> Found | _Stuck:
         """Values for a plan's placeholders that make it a plan, and not too dear a one."""
         cursor: Counter[tuple[str, Args]] = Counter()
-        for _ in range(COST_TRIES * self.effort):
+        before: Assignment = {}
+        for attempt in range(TRIES * self.effort):
             bound = self._binder(needs, cursor).solve()
             if isinstance(bound, Refuted):
                 return _Stuck(bound)
             result = self._execute(world, steps, needs, bound)
-            if isinstance(result, _Stuck) or result.cost <= self.options.max_cost + 1e-9:
+            if isinstance(result, _Stuck):
+                about = {name for failure in result.failures for name in failure.fact[1:]}
+                hopeless = about.isdisjoint(bound) if about else not self.exact
+                if hopeless or bound == before or attempt == TRIES * self.effort - 1:
+                    return result
+                before = dict(bound)
+                continue
+            if result.cost <= self.options.max_cost + 1e-9:
                 return result
             expected = self._learn_costs(world, steps, bound)
             if not expected:
@@ -341,13 +393,11 @@ class Engine:
                 text = f"the plan costs more than {self.options.max_cost:.3f}"
                 if not needs.calls:
                     raise SolverError("the planner's costs are not those of the plan: please report it")
-            case Refuted(call=call) if call is not None and call.stream.fluents:
-                exact = self.effort > 1
-                binding = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
-                for atom in call.stream.certified:
-                    fact = (atom.predicate, *(binding.get(a, a) for a in atom.args))
-                    hopes.in_state.append(Failure(fact, stuck.situation, call.stream.fluents, exact))
-                text = f"{call.stream.name} gives nothing in this state"
+            case None if any(failure not in hopes.in_state for failure in stuck.failures):
+                hopes.in_state += stuck.failures
+                text = (
+                    f"{' '.join(stuck.failures[0].fact)} is {'true' if stuck.failures[0].true else 'false'} in a state"
+                )
             case Refuted(call=call) if call is not None:
                 hopes.calls.add(call.key)
                 text = f"{call.stream.name}({', '.join(call.inputs)}) gives nothing that fits"
@@ -365,7 +415,7 @@ class Engine:
     def _execute(self, world: World, steps: list[Step], needs: Needs, bound: Assignment) -> Found | _Stuck:
         """Simulate the plan with real values; streams that depend on the state are called in it."""
         state, states, found, certified, cost = self.state, [self.state], [], set(), 0.0
-        optimistic = self._optimistic_states(world, steps)
+        *optimistic, last = self._optimistic_states(world, steps)
         for step, before in zip(steps, optimistic, strict=True):
             self._left()
             binding: dict[str, str] = dict(bound)
@@ -377,51 +427,66 @@ class Engine:
                 given = sorted(fact for fact in state if fact[0] in call.stream.fluents)
                 answer = self.base.call_in_state(call.stream, inputs, given)
                 if answer is None:
-                    situation = frozenset(fact for fact in before if fact[0] in call.stream.fluents)
-                    return _Stuck(Refuted(call=call), situation)
+                    names = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
+                    missing = {(a.predicate, *bind(a, names)): False for a in call.stream.certified}
+                    return _Stuck(failures=self._failures(missing, call.stream, before))
                 binding |= zip(call.outputs, answer[0], strict=True)
                 facts |= answer[1]
             real = Step(step.schema, tuple(binding.get(name, name) for name in step.args))
             view = View(self.program, self.base, state | facts)
             if not precondition_holds(view, real):
-                return _Stuck()
+                return self._failed_condition(view, before, binding)
             amount = self._cost(real)
             if amount is None:
                 return _Stuck()
             cost += amount
-            certified |= facts
+            certified |= facts | {fact for fact, true in view.in_state.items() if true}
             state = apply(view, real) - facts
             states.append(state)
             found.append(real)
-        if not View(self.program, self.base, state).holds(self.goal):
-            return _Stuck()
+        view = View(self.program, self.base, state)
+        if not view.holds(self.goal):
+            return self._failed_condition(view, last, bound)
+        certified |= {fact for fact, true in view.in_state.items() if true}
         return Found(found, cost, states, certified)
 
+    def _failed_condition(self, view: View, before: State, binding: Mapping[str, str]) -> _Stuck:
+        """What tests with `:fluents` said, when a condition does not hold; `before` is the state with placeholders."""
+        placeholders = {value: name for name, value in binding.items()}
+        failures: list[Failure] = []
+        for fact, true in view.in_state.items():
+            hoped = {(fact[0], *(placeholders.get(a, a) for a in fact[1:])): true}
+            failures += self._failures(hoped, self.base.state_tests[fact[0]], before)
+        return _Stuck(failures=tuple(failures))
+
+    def _failures(self, said: Mapping[Fact, bool], stream: Stream, before: State) -> tuple[Failure, ...]:
+        situation = frozenset(fact for fact in before if fact[0] in stream.fluents)
+        return tuple(Failure(fact, situation, stream.fluents, self.effort > 1, true) for fact, true in said.items())
+
     def _optimistic_states(self, world: World, steps: list[Step]) -> list[State]:
-        """States before each step, with placeholders."""
+        """States along a plan, with placeholders."""
         states = [self.state]
         for step in steps:
             states.append(apply(View(self.program, world, states[-1]), step))
-        return states[:-1]
+        return states
 
     def _cost(self, step: Step) -> float | None:
         schema = self.program.domain.action(step.schema)
-        if self.options.unit_costs or not any(a.cost for a in self.program.domain.actions):
+        if self.options.unit_costs or not any(a.cost or a.cost_terms for a in self.program.domain.actions):
             return 1.0
-        if not isinstance(schema.cost, Atom):
-            return schema.cost
         binding = dict(zip(schema.parameters, step.args, strict=True))
-        return self.base.cost(schema.cost.predicate, tuple(binding.get(a, a) for a in schema.cost.args))
+        values = [self.base.cost(term.predicate, bind(term, binding)) for term in schema.cost_terms]
+        return None if None in values else schema.cost + sum(value for value in values if value is not None)
 
     def _learn_costs(self, world: World, steps: list[Step], bound: Assignment) -> dict[Fact, float]:
         """What functions of placeholders came to in a plan."""
         found: dict[Fact, float] = {}
         for step in steps:
             schema = self.program.domain.action(step.schema)
-            if isinstance(schema.cost, Atom):
-                binding = dict(zip(schema.parameters, step.args, strict=True))
-                args = tuple(binding.get(a, a) for a in schema.cost.args)
-                value = self.base.cost(schema.cost.predicate, tuple(bound.get(a, a) for a in args))
+            binding = dict(zip(schema.parameters, step.args, strict=True))
+            for term in schema.cost_terms:
+                args = bind(term, binding)
+                value = self.base.cost(term.predicate, tuple(bound.get(a, a) for a in args))
                 if value is not None and any(a in world.call_of for a in args):
-                    found[(schema.cost.predicate, *args)] = value + 1 / COST_SCALE
+                    found[(term.predicate, *args)] = value + 1 / COST_SCALE
         return found

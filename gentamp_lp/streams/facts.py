@@ -114,7 +114,7 @@ class _Test:
         return cls(stream.name, pattern, plain, taken(stream.inputs), domain, certified)
 
 
-def _failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
+def failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
     """What to raise when the Python code behind a stream raises: where it did, and on which inputs."""
     if isinstance(error, GentampError):
         return error
@@ -148,6 +148,7 @@ class FactBase:
 
     def __post_init__(self) -> None:
         self.tests: dict[str, Stream] = {}
+        self.state_tests: dict[str, Stream] = {}
         self.makers: dict[str, list[Stream]] = {}
         self.revision = 0  # grows with the facts, save those that tests decide
         self.costs: dict[Fact, float] = {}  # values of functions, given or computed
@@ -158,6 +159,7 @@ class FactBase:
         self._truth: dict[Fact, bool] = {}
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
+        self._in_state: dict[tuple[str, Args, tuple[Fact, ...]], bool] = {}
         self.calling: tuple[str, Args] | None = None  # the stream, and its inputs, whose code is running
         for name in self.functions:
             self.statistics.setdefault(name, StreamStatistics())
@@ -170,6 +172,8 @@ class FactBase:
                     self._tests[atom.predicate] = _Test.of(stream, atom.args)
                     if self._says_no_sort(atom, stream):
                         self._sorted.add(atom.predicate)
+                elif stream.decides_in_state:
+                    self.state_tests[atom.predicate] = stream
                 elif stream not in self.makers.setdefault(atom.predicate, []):
                     self.makers[atom.predicate].append(stream)
 
@@ -229,7 +233,7 @@ class FactBase:
 
     def test_conditions(self, predicate: str, args: Args) -> list[Formula]:
         """What must hold of the arguments before the test behind a predicate is run."""
-        stream = self.tests[predicate]
+        stream = self.tests.get(predicate) or self.state_tests[predicate]
         head = next(atom.args for atom in stream.certified if atom.predicate == predicate)
         binding = dict(zip(head, args, strict=True))
         return [substitute(atom, binding) for atom in stream.domain]
@@ -381,7 +385,7 @@ class FactBase:
         try:
             return call()
         except Exception as error:
-            raise _failed(stream, inputs, error) from error
+            raise failed(stream, inputs, error) from error
         finally:
             statistics.seconds += time.perf_counter() - start
             self.calling = None
@@ -421,12 +425,26 @@ class FactBase:
         statistics = self.statistics[stream.name]
         generator, values = self.generators[stream.name], [self.values[name] for name in inputs]
         outputs = self._ask(stream.name, inputs, lambda: next(iter(generator(*values, fluents=told)), None))
-        if not outputs:
+        if outputs is None or (stream.outputs and not outputs):
             return None
         statistics.successes += 1
         names = self._name_outputs(stream, inputs, outputs, statistics.calls)
         binding = dict(zip(stream.inputs + stream.outputs, (*inputs, *names), strict=True))
         return names, {(atom.predicate, *bind(atom, binding)) for atom in stream.certified}
+
+    def true_in_state(self, predicate: str, args: Args, facts: Iterable[Fact]) -> bool:
+        """Whether a test with `:fluents` holds of the arguments in a state with these facts (remembered)."""
+        stream = self.state_tests[predicate]
+        head = next(atom for atom in stream.certified if atom.predicate == predicate)
+        binding = match(head.args, args, {})
+        if binding is None or not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return False
+        inputs = tuple(binding[variable] for variable in stream.inputs)
+        told = tuple(sorted(fact for fact in facts if fact[0] in stream.fluents))
+        key = (stream.name, inputs, told)
+        if key not in self._in_state:
+            self._in_state[key] = self.call_in_state(stream, inputs, told) is not None
+        return self._in_state[key]
 
     def _add_wild(self, output: WildOutput) -> None:
         """Record the additional facts of a wild stream. Raises InputError for one that is not static."""

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any, NamedTuple
 
 INF = float("inf")
+DEBUG, SHARED_DEBUG = (
+    "debug",
+    "shared_debug",
+)  # values of `stream_map`: every stream gives a symbol, every test is passed
 TOTAL_COST = "total-cost"
 
 Outputs = tuple[Any, ...]
@@ -145,9 +150,14 @@ def from_sampler(sampler: Callable[..., Outputs | None], max_attempts: float = I
     return from_gen_fn(generate)
 
 
-def from_list_fn(function: Callable[..., Iterable[Outputs]]) -> Generator:
-    """A stream from a function that returns a list of tuples."""
-    return lambda *inputs, **more: map(tuple, function(*inputs, **more))
+def from_list_fn(function: Callable[..., Iterable[Outputs] | WildOutput]) -> Generator:
+    """A stream from a function that returns a list of tuples (or a WildOutput)."""
+
+    def generate(*inputs: Any, **more: Any) -> Iterator[Any]:
+        batch = function(*inputs, **more)
+        yield from split_wild(batch) if isinstance(batch, WildOutput) else map(tuple, batch)
+
+    return generate
 
 
 def from_constant(constant: Outputs) -> Generator:
@@ -161,9 +171,19 @@ def fn_from_constant(constant: Any) -> Callable[..., Any]:
 
 
 def from_gen(rows: Iterable[Outputs]) -> Generator:
-    """A stream that gives these tuples whatever the inputs are."""
-    kept = list(rows) if isinstance(rows, Iterator) else rows
-    return from_gen_fn(lambda *_, **__: iter(kept))
+    """A stream that gives these tuples, which may be endless, whatever the inputs are."""
+    rest, kept = iter(rows), list[Outputs]()
+
+    def replay(*_: Any, **__: Any) -> Iterator[Outputs]:
+        for number in count():
+            if number == len(kept):
+                try:
+                    kept.append(next(rest))
+                except StopIteration:
+                    return
+            yield kept[number]
+
+    return from_gen_fn(replay)
 
 
 def empty_gen() -> Generator:
@@ -191,6 +211,7 @@ class ExternalInfo:
     overhead: Any = None
     effort: Any = None
     estimate: bool = False
+    verbose: bool = True
 
 
 @dataclass(frozen=True)
@@ -204,7 +225,6 @@ class StreamInfo(ExternalInfo):
     opt_gen_fn: Any = None
     negate: bool = False
     simultaneous: bool = False
-    verbose: bool = True
     contextual: bool = False
 
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
+from itertools import count, islice
+from typing import Any
 
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, failed
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -28,12 +29,18 @@ from gentamp_lp.streams.formula import (
     normalize,
     rebuilt,
 )
+from gentamp_lp.streams.language import Generator, Outputs, one_by_one
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
 from gentamp_lp.streams.semantics import Program
 from gentamp_lp.streams.stream_file import Stream
 
 Literal = tuple[Fact, bool]
+Key = tuple[str, Args, int]
 MAX_CALLS = 100_000
+
+
+class TooManyCalls(LimitReached):
+    """More stream calls are possible than were wanted."""
 
 
 @dataclass(frozen=True)
@@ -54,22 +61,24 @@ class Call:
     requires: tuple[Fact, ...] = ()
 
     @property
-    def key(self) -> tuple[str, Args, int]:
+    def key(self) -> Key:
         """What identifies the call."""
         return self.stream.name, self.inputs, self.copy
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A fact that a fluent stream could not certify in a state with these facts of the `fluents`.
+    """A fact that a stream with `:fluents` could not certify in a state with these facts of the `fluents`.
 
-    `exact`: in states with no others; else in states with more of them, too.
+    `exact`: in states with no others; else in states with more of them, too. `true`: a test certified it, which was not
+    wished for.
     """
 
     fact: Fact
     situation: frozenset[Fact]
     fluents: tuple[str, ...]
     exact: bool
+    true: bool = False
 
     def axiom(self, domain: Domain) -> Axiom:
         """The rule by which a planner knows the failure again."""
@@ -84,7 +93,8 @@ class Failure:
                 if f[0] == fluent
             ]
             conditions.append(Not(Exists(others, And((Atom(fluent, others), *map(Not, same))))))
-        return Axiom(Atom(f"given-up-{self.fact[0]}", variables), And(tuple(conditions)))
+        head = f"certain-{self.fact[0]}" if self.true else f"given-up-{self.fact[0]}"
+        return Axiom(Atom(head, variables), And(tuple(conditions)))
 
     def names(self) -> set[str]:
         """All entities it is about."""
@@ -102,8 +112,18 @@ class Hopes:
     hidden: set[str] = field(default_factory=set)  # sampled, but not shown to the planner
     copies: int = 1
     depth: int = 1
-    names: dict[tuple[str, Args, int], Args] = field(default_factory=dict)
+    names: dict[Key, Args] = field(default_factory=dict)
+    values: dict[Key, Outputs | None] = field(default_factory=dict)  # what `opt_gen_fn` gave
     counter: Iterator[int] = field(default_factory=lambda: count(1))
+    coarse: bool = False  # the calls of a stream share their placeholders
+
+    def outputs(self, stream: Stream, key: Key) -> Args:
+        """The placeholders of a call."""
+        if self.coarse:
+            return coarse_outputs(stream)
+        if key not in self.names:
+            self.names[key] = tuple(f"{v[1:]}-opt{next(self.counter)}" for v in stream.outputs)
+        return self.names[key]
 
     def clear(self) -> bool:
         """Hope for everything again; False when nothing had been given up."""
@@ -116,6 +136,11 @@ class Hopes:
         return given_up
 
 
+def coarse_outputs(stream: Stream) -> Args:
+    """The placeholders that all calls of a stream share in a coarse world."""
+    return tuple(f"{v[1:]}-any-{stream.name}" for v in stream.outputs)
+
+
 @dataclass
 class World(FactBase):
     """Known and optimistic facts."""
@@ -123,12 +148,16 @@ class World(FactBase):
     real: FactBase = field(kw_only=True)
     hopes: Hopes = field(kw_only=True)
     check_time: Callable[[], object] = field(kw_only=True)  # raises LimitReached at the deadline
+    wanted: Callable[[World, Stream, Args], bool] = field(kw_only=True, default=lambda *_: True)
+    most: int = field(kw_only=True, default=MAX_CALLS)  # calls
+    opt_outputs: Mapping[str, Generator] = field(kw_only=True, default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.state_tests = {}  # hoped to be true: `split` says where, and that they may be false
         self.maker: dict[Fact, Call] = {}
         self.call_of: dict[str, Call] = {}
-        self.made: set[tuple[str, Args, int]] = set()
+        self.made: dict[Key, Call] = {}
         self._opinions: dict[Fact, bool | None] = {}
 
     @classmethod
@@ -139,13 +168,18 @@ class World(FactBase):
         lazy: Iterable[Stream],
         opt_costs: Mapping[str, Callable[..., float]],
         check_time: Callable[[], object],
+        **limits: Any,
     ) -> World:
-        """All that is known and not hidden, and what calls of the `lazy` streams might add."""
+        """All that is known and not hidden, and what calls of the `lazy` streams might add.
+
+        `limits` are `wanted`, which says of a stream and its inputs whether to assume the call, `most`, and the
+        `opt_outputs` that streams are hoped to give. Raises TooManyCalls.
+        """
         hidden = hopes.hidden
         world = cls(
             base.domain, (*base.streams, *base.functions.values()), base.generators,
             {name: value for name, value in base.values.items() if name not in hidden},
-            base.sorts, {}, base.statistics, real=base, hopes=hopes, check_time=check_time,
+            base.sorts, {}, base.statistics, real=base, hopes=hopes, check_time=check_time, **limits,
         )  # fmt: skip
         for predicate, relation in base.static.items():
             rows = relation.rows if not hidden else [r for r in relation.rows if hidden.isdisjoint(r)]
@@ -163,7 +197,7 @@ class World(FactBase):
                     world.costs[fact] = hopes.costs[fact]
                 else:
                     bound = opt_costs.get(name)
-                    world.costs[fact] = float(bound(*(world.values[a] for a in args))) if bound else 0.0
+                    world.costs[fact] = float(world._optimistic(name, args, bound)) if bound else 0.0
         world.costs |= base.costs
         return world
 
@@ -175,30 +209,54 @@ class World(FactBase):
             known = all(name in real.values for name in inputs)
             if known and not stream.fluents and real.exhausted(stream, inputs):
                 continue
+            if not self.wanted(self, stream, inputs):
+                continue
             for copy in range(self.hopes.copies if stream.outputs else 1):
                 key = (stream.name, inputs, copy)
                 if key in self.hopes.calls:
                     continue
-                if key not in self.hopes.names:
-                    self.hopes.names[key] = tuple(f"{v[1:]}-opt{next(self.hopes.counter)}" for v in stream.outputs)
-                outputs = self.hopes.names[key]
                 if key in self.made:
                     continue
-                if len(self.made) > MAX_CALLS:
-                    raise LimitReached(f"more than {MAX_CALLS} optimistic stream outputs")
+                if len(self.made) >= self.most:
+                    raise TooManyCalls(f"more than {self.most} calls of streams are possible")
+                outputs = self.hopes.outputs(stream, key)
+                values = self._hoped_values(key, outputs)
+                if values is None:
+                    continue
                 binding = dict(zip(stream.inputs + stream.outputs, inputs + outputs, strict=True))
                 tests = [a for a in stream.domain if a.predicate in self.tests]
                 facts = [(a.predicate, *bind(a, binding)) for a in tests]
                 call = Call(stream, inputs, copy, outputs, tuple(f for f in facts if self.opinion(f) is None))
-                self.made.add(key)
-                for name in outputs:
-                    self.call_of[name] = call
-                    self.values[name] = Placeholder(name)
+                self.made[key] = call
+                self.call_of |= dict.fromkeys(outputs, call)
+                self.values |= zip(outputs, values, strict=True)
                 for atom in stream.certified:
                     fact = (atom.predicate, *bind(atom, binding))
                     if self.add(fact):
                         self.maker[fact] = call
                 yield call
+
+    def _optimistic(self, name: str, args: Args, function: Callable[..., Any]) -> Any:
+        """What a user's optimistic function says of known values and placeholders. Raises InputError if it fails."""
+        try:
+            return function(*(self.values[arg] for arg in args))
+        except Exception as error:
+            raise failed(name, args, error) from error
+
+    def _hoped_values(self, key: Key, outputs: Args) -> Outputs | None:
+        """Values for the placeholders of a call: what its `opt_gen_fn` gives, None if it gives nothing."""
+        function = self.opt_outputs.get(key[0])
+        if function is None or not outputs:
+            return tuple(map(Placeholder, outputs))
+        if key not in self.hopes.values:
+            rows = one_by_one(self._optimistic(key[0], key[1], lambda *values: list(islice(function(*values), 9))))
+            self.hopes.values[key] = next(islice((row for row in rows if row), key[2], None), None)
+        return self.hopes.values[key]
+
+    def coarse_name(self, name: str) -> str:
+        """What stands for a placeholder in a coarse world."""
+        call = self.call_of.get(name)
+        return name if call is None else coarse_outputs(call.stream)[call.outputs.index(name)]
 
     def opinion(self, fact: Fact) -> bool | None:
         """Whether a test fact is true as far as is known or given up, None if it may turn out either way."""
@@ -221,7 +279,11 @@ class World(FactBase):
         stream = self.tests[fact[0]]
         head = next(a.args for a in stream.certified if a.predicate == fact[0])
         binding = dict(zip(head, fact[1:], strict=True))
-        return all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain)
+        if not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
+            return False
+        hope = self.opt_outputs.get(stream.name)
+        inputs = tuple(binding[variable] for variable in stream.inputs)
+        return hope is None or any(row != [] for row in self._optimistic(stream.name, inputs, hope))
 
     def truth(self, predicate: str, args: Args) -> bool:
         """Whether a fact is or may become true."""
@@ -363,6 +425,8 @@ class _Splitter:
                 if predicate in self.program.axioms:
                     self.heads[predicate, hopeful or not self.doubtful(predicate)] = None
                     return Atom(self.derived(predicate, hopeful), args)
+                if predicate in self.base.state_tests and not hopeful:
+                    return Atom(f"certain-{predicate}", args)
                 if predicate in self.of_state and hopeful:
                     return And((formula, Not(Atom(f"given-up-{predicate}", args))))
                 return formula

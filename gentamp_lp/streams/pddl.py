@@ -46,7 +46,8 @@ class ActionSchema:
     precondition: Formula
     effects: tuple[Effect, ...]
     line: int = 0
-    cost: float | Atom = 0.0  # what `increase (total-cost)` adds: a number or a function's value
+    cost: float = 0.0  # what `increase (total-cost)` adds
+    cost_terms: tuple[Atom, ...] = ()  # functions whose values are added to that
 
 
 @dataclass(frozen=True)
@@ -290,9 +291,9 @@ class PDDLReader(Reader):
         return found
 
 
-def parse_domain(text: str, path: Path | str | None = None) -> Domain:
-    """Parse a PDDL domain. Raises InputError with file, line and remedy."""
-    reader = PDDLReader(path)
+def parse_domain(text: str, path: Path | str | None = None, functions: Mapping[str, Predicate] | None = None) -> Domain:
+    """Parse a PDDL domain; `functions` are declared elsewhere. Raises InputError with file, line and remedy."""
+    reader = PDDLReader(path, functions=dict(functions or {}))
     name = ""
     constants: tuple[str, ...] = ()
     groups = read_groups(text, path)
@@ -408,15 +409,14 @@ def _action(reader: PDDLReader, group: Group) -> ActionSchema:
     scope = frozenset(parameters)
     precondition = reader.formula(parts[":precondition"], scope) if ":precondition" in parts else TRUE
     found = tuple(reader.effects(parts[":effect"], scope, (), TRUE))
-    costs = [cost for cost in found if isinstance(cost, Cost)]
-    if len(costs) > 1:
-        raise reader.error("an action increases the cost once", costs[1].line, "add the amounts up in one function")
+    costs = [cost.term for cost in found if isinstance(cost, Cost)]
     effects = tuple(effect for effect in found if isinstance(effect, Effect))
     for effect in effects:
         if effect.atom.predicate == "=" or effect.atom.predicate in reader.supertypes:
             raise reader.error(f"an action cannot change `{effect.atom.predicate}`", group.line)
-    cost = costs[0].term if costs else 0.0
-    return ActionSchema(name, parameters, guarded(guards, precondition), effects, group.line, cost)
+    amount = sum(cost for cost in costs if not isinstance(cost, Atom))
+    terms = tuple(cost for cost in costs if isinstance(cost, Atom))
+    return ActionSchema(name, parameters, guarded(guards, precondition), effects, group.line, amount, terms)
 
 
 def _axiom(reader: PDDLReader, group: Group) -> Axiom:

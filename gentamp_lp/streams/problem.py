@@ -9,12 +9,22 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, imply
-from gentamp_lp.streams.language import TOTAL_COST, Generator, PDDLProblem, from_fn, from_test, one_by_one
+from gentamp_lp.streams.language import (
+    DEBUG,
+    SHARED_DEBUG,
+    TOTAL_COST,
+    Generator,
+    PDDLProblem,
+    from_fn,
+    from_test,
+    one_by_one,
+)
 from gentamp_lp.streams.naming import RESERVED, Names, readable
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sorts import infer_sorts
-from gentamp_lp.streams.stream_file import Stream, parse_streams
+from gentamp_lp.streams.stream_file import Stream, mark_recursive, parse_streams
+from gentamp_lp.streams.undeclared import declare_undeclared, stream_functions, suspect
 
 
 @dataclass(frozen=True)
@@ -42,8 +52,10 @@ class DebugValue:
 
 def build(problem: PDDLProblem) -> Problem:
     """Read a problem. Raises InputError that names file and line, or the fact or stream at fault."""
-    domain = parse_domain(problem.domain_pddl, "domain.pddl")
-    streams = _streams(problem.stream_pddl, domain)
+    init, texts = list(problem.init), _texts(problem.stream_pddl)
+    domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(texts))
+    domain = declare_undeclared(domain, texts, init, problem.goal)
+    streams = _streams(texts, domain)
     generators = _generators(problem.stream_map, streams)
     values: dict[str, Any] = {}
     base = FactBase(domain, streams, generators, values, names=Names())
@@ -53,7 +65,7 @@ def build(problem: PDDLProblem) -> Problem:
         translator.constant(constant, given.get(constant, constant))
     for fact in domain.facts:
         base.add(fact)
-    state = translator.init(problem.init)
+    state = translator.init(init)
     goal = translator.formula(problem.goal, frozenset())
     assert base.names is not None
     base.names.given |= values.keys()
@@ -64,28 +76,30 @@ def build(problem: PDDLProblem) -> Problem:
     return Problem(Program.of(domain), base, state, goal, base.names)
 
 
-def _streams(texts: str | Sequence[str] | None, domain: Domain) -> tuple[Stream, ...]:
-    if texts is None:
-        return ()
-    if isinstance(texts, str):
-        return parse_streams(texts, domain, "stream.pddl")
-    streams: dict[str, Stream] = {}
-    for number, text in enumerate(texts):
+def _texts(stream_pddl: str | Sequence[str] | None) -> list[tuple[str, str]]:
+    """The stream files' texts, each with what errors call it."""
+    texts = [stream_pddl] if isinstance(stream_pddl, str) else stream_pddl or ()
+    for text in texts:
         if not isinstance(text, str):
             raise InputError(f"`stream_pddl` holds {type(text).__name__}: only text is supported")
-        path = "stream.pddl" if len(texts) == 1 else f"stream.pddl[{number}]"
+    return [(text, "stream.pddl" if len(texts) == 1 else f"stream.pddl[{n}]") for n, text in enumerate(texts)]
+
+
+def _streams(texts: Iterable[tuple[str, str]], domain: Domain) -> tuple[Stream, ...]:
+    streams: dict[str, Stream] = {}
+    for text, path in texts:
         for stream in parse_streams(text, domain, path):
             if stream.name in streams:
                 raise InputError(Diagnostic(f"stream `{stream.name}` is declared twice", path, stream.line))
             streams[stream.name] = stream
-    return tuple(streams.values())
+    return mark_recursive(streams.values())
 
 
 def _generators(stream_map: Mapping[str, Any] | str, streams: Iterable[Stream]) -> dict[str, Generator]:
     if isinstance(stream_map, str):
-        if stream_map not in ("debug", "shared_debug"):
+        if stream_map not in (DEBUG, SHARED_DEBUG):
             raise InputError(f"`stream_map` is {stream_map!r}, neither a mapping nor 'debug'")
-        return {s.name: _debug(s, shared=stream_map == "shared_debug") for s in streams if s.kind != "rule"}
+        return {s.name: _debug(s, shared=stream_map == SHARED_DEBUG) for s in streams if s.kind != "rule"}
     lower = {str(name).lower(): generator for name, generator in stream_map.items()}
     found: dict[str, Generator] = {}
     for stream in streams:
@@ -114,7 +128,7 @@ def _wrapped(stream: Stream, function: Any) -> Generator:
         case "predicate":
             return from_test(function)
     if stream.is_test:  # an empty tuple is a success
-        return lambda *inputs: (row for row in one_by_one(function(*inputs)) if row is not None)
+        return lambda *inputs, **more: (row for row in one_by_one(function(*inputs, **more)) if row is not None)
     return lambda *inputs, **more: (() if row is None else row for row in one_by_one(function(*inputs, **more)))
 
 
@@ -163,6 +177,10 @@ class Translator:
             if head == "=":
                 self._value(fact)
                 continue
+            if head not in self.domain.predicates:
+                known = [predicate.spelling for predicate in self.domain.predicates.values()]
+                suspect("predicate", fact[0], known, "nothing reads it")
+                continue
             atom = self.atom(fact, frozenset(), "the initial fact")
             if head in self.domain.derived:
                 raise InputError(f"the initial fact {fact!r} is about `{head}`, which axioms derive")
@@ -180,7 +198,9 @@ class Translator:
         if name == TOTAL_COST:
             return
         if name not in self.domain.functions:
-            raise InputError(f"the initial fact {fact!r} is about an unknown function `{function}`")
+            known = [one.spelling for one in self.domain.functions.values()]
+            suspect("function", str(function), known, "no action's cost reads it")
+            return
         if self.domain.functions[name].arity != len(args):
             raise InputError(f"the initial fact {fact!r} has the wrong number of arguments")
         try:

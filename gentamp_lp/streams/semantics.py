@@ -118,6 +118,8 @@ class View:
         self._fluents: dict[str, Relation] = {}
         for fact in sorted(state):
             self._fluents.setdefault(fact[0], Relation()).add(fact[1:])
+        self.in_state: dict[Fact, bool] = {}  # what tests with `:fluents` said of this state
+        self._tests = {**base.tests, **base.state_tests} if base.state_tests else base.tests
         self._truth: dict[Fact, bool] = {}
         self._extensions: dict[str, Relation] = {}
 
@@ -160,7 +162,7 @@ class View:
                         yield from self._solve(rest, binding)
                     return
                 if ranks[chosen] == _TEST_JOIN:
-                    stream = self.base.tests[predicate]
+                    stream = self._tests[predicate]
                     pattern = next(a.args for a in stream.certified if a.predicate == predicate)
                     names = dict(zip(pattern, args, strict=True))
                     guards: list[Formula] = [Atom(a.predicate, bind(a, names)) for a in stream.domain]
@@ -207,8 +209,8 @@ class View:
                 return _NEVER if unbound.issuperset(args) else 0
             case Atom(predicate, args):
                 if not unbound:
-                    return 3 if predicate in self.base.tests else int(predicate in self.program.axioms)
-                if predicate in self.base.tests:
+                    return 3 if predicate in self._tests else int(predicate in self.program.axioms)
+                if predicate in self._tests:
                     return _TEST_JOIN
                 if predicate in self.program.axioms:
                     known = self._extensions.get(predicate)
@@ -219,7 +221,7 @@ class View:
             case Not(Atom(predicate)):
                 if unbound:
                     return _NEVER
-                return 3 if predicate in self.base.tests else int(predicate in self.program.axioms)
+                return 3 if predicate in self._tests else int(predicate in self.program.axioms)
             case Not():
                 return _NEVER if unbound else 2
             case _:
@@ -238,6 +240,8 @@ class View:
         return self._derive(predicate, pattern)
 
     def _true(self, predicate: str, args: Args) -> bool:
+        if predicate in self.base.state_tests:
+            return self._true_in_state(predicate, args)
         if predicate not in self.program.axioms:
             return args in self._fluents.get(predicate, ()) or self.base.truth(predicate, args)
         if self._cheap(predicate):
@@ -247,9 +251,16 @@ class View:
             self._truth[fact] = next(iter(self._derive(predicate, args)), None) is not None
         return self._truth[fact]
 
+    def _true_in_state(self, predicate: str, args: Args) -> bool:
+        fact = (predicate, *args)
+        if fact not in self.in_state:
+            given = args in self.base.relation(predicate)
+            self.in_state[fact] = given or self.base.true_in_state(predicate, args, self.state)
+        return self.in_state[fact]
+
     def _cheap(self, predicate: str) -> bool:
         """Whether to derive all tuples of a predicate at once: no tests are run for it."""
-        return predicate in self.program.recursive or self.program.basis[predicate].isdisjoint(self.base.tests)
+        return predicate in self.program.recursive or self.program.basis[predicate].isdisjoint(self._tests)
 
     def _derive(self, predicate: str, pattern: tuple[str | None, ...]) -> Iterator[Args]:
         found: set[Args] = set()

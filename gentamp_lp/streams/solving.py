@@ -21,6 +21,7 @@ from gentamp_lp.streams.language import (
     Certificate,
     ExternalInfo,
     FunctionInfo,
+    PartialInputs,
     PDDLProblem,
     Solution,
     StreamInfo,
@@ -29,6 +30,8 @@ from gentamp_lp.streams.problem import Problem, build
 from gentamp_lp.streams.semantics import State
 
 ALGORITHMS = ("adaptive", "incremental")
+#: Other optimistic algorithms of PDDLStream, in whose place `adaptive` is run.
+OPTIMISTIC = ("focused", "binding")
 #: What PDDLStream's `solve` also takes and this engine has no use for: they steer how the original searches.
 IGNORED = frozenset({
     "replan_actions", "initial_complexity", "complexity_step", "max_complexity", "max_skeletons",
@@ -96,6 +99,8 @@ class _Search:
         bound = self.options.max_cost
         while True:
             engine = Engine(self.problem, replace(self.options, max_cost=bound, time_limit=deadline - time.monotonic()))
+            if self.unbounded and not self.options.adaptive:
+                engine.level = self.unbounded[-1].level  # go on where the last search had come to
             self.unbounded.append(engine)
             try:
                 with interrupting(self.problem.base, engine.options.time_limit):
@@ -138,10 +143,11 @@ def solve(
 ) -> Result:
     """Solve a PDDLStream problem.
 
-    `algorithm` is `adaptive` or `incremental`. `max_time` is in seconds, `max_memory` in kilobytes (of the planner).
-    `planner` is one of PDDLStream's planner names (`PLANNERS`) or a search string of Fast Downward; by default
-    several searches are tried in turn. `success_cost`: go on for cheaper plans until one costs less. With `verbose`,
-    progress and the report are printed. Further arguments of PDDLStream's `solve` are accepted and not needed.
+    `algorithm` is `adaptive` or `incremental` (`focused` and `binding` run `adaptive`). `max_time` is in seconds,
+    `max_memory` in kilobytes (of the planner). `planner` is one of PDDLStream's planner names (`PLANNERS`) or a search
+    string of Fast Downward; by default several searches are tried in turn. `success_cost`: go on for cheaper plans
+    until one costs less. With `verbose`, progress and the report are printed. Further arguments of PDDLStream's `solve`
+    are accepted and not needed.
 
     Returns (plan, cost, certificate); the plan is None when there is none. `result.report` says how it went, and why.
     Raises InputError for a mistake in the problem (with file and line), SolverError when the planner fails.
@@ -149,7 +155,7 @@ def solve(
     unknown = ignored.keys() - IGNORED
     if unknown:
         raise TypeError(f"solve() got an unexpected keyword argument {min(unknown)!r}")
-    if algorithm not in ALGORITHMS:
+    if algorithm not in ALGORITHMS + OPTIMISTIC:
         raise InputError(f"unknown algorithm {algorithm!r}: known are {', '.join(ALGORITHMS)}")
     start = time.monotonic()
     constraints = constraints or PlanConstraints()
@@ -158,7 +164,7 @@ def solve(
     base = constrained.problem.base
     infos = {name.lower(): info for name, info in (stream_info or {}).items()}
     options = Options(
-        adaptive=algorithm == "adaptive",
+        adaptive=algorithm != "incremental",
         time_limit=max_time - (time.monotonic() - start),
         memory_limit=MEMORY_LIMIT if max_memory == INF else int(max_memory * 1024),
         max_cost=min(max_cost, constraints.max_cost),
@@ -170,6 +176,11 @@ def solve(
         eager=frozenset(name for name, info in infos.items() if info.eager),
         contextual=frozenset(n for n, info in infos.items() if isinstance(info, StreamInfo) and info.contextual),
         opt_costs={n: i.opt_fn for n, i in infos.items() if isinstance(i, FunctionInfo) and i.opt_fn},
+        opt_outputs={
+            n: i.opt_gen_fn
+            for n, i in infos.items()
+            if isinstance(i, StreamInfo) and callable(i.opt_gen_fn) and not isinstance(i.opt_gen_fn, PartialInputs)
+        },
         progress=say,
     )
     search = _Search(constrained.problem, options, success_cost)
@@ -198,6 +209,24 @@ def solve(
         result = Result(plan, found.cost, Certificate(_facts(base, state, found.facts), preimage))
     result.report = report
     return result
+
+
+def solve_incremental(problem: PDDLProblem, constraints: PlanConstraints | None = None, **options: Any) -> Result:
+    """`solve` with the algorithm `incremental`."""
+    return solve(problem, "incremental", constraints, **options)
+
+
+def solve_adaptive(
+    problem: PDDLProblem,
+    constraints: PlanConstraints | None = None,
+    stream_info: Mapping[str, ExternalInfo] | None = None,
+    **options: Any,
+) -> Result:
+    """`solve` with the algorithm `adaptive`."""
+    return solve(problem, "adaptive", constraints, stream_info, **options)
+
+
+solve_focused = solve_binding = solve_adaptive
 
 
 def _facts(

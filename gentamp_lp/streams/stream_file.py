@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+
+import networkx as nx
 
 from gentamp_lp.streams.formula import Atom, Formula, conjuncts
 from gentamp_lp.streams.pddl import Domain, PDDLReader, Predicate
@@ -28,6 +30,7 @@ class Stream:
     line: int = 0
     kind: Literal["stream", "rule", "predicate", "function"] = "stream"
     fluents: tuple[str, ...] = ()  # predicates whose facts, in the state where it is used, the stream is given
+    recursive: bool = False  # a test whose `:domain` depends on what it certifies
 
     @property
     def is_test(self) -> bool:
@@ -37,6 +40,15 @@ class Stream:
     @property
     def decides(self) -> bool:
         """Whether the stream can be asked about one fact: a test whose facts name all its inputs."""
+        return self._names_inputs and not self.fluents and not self.recursive
+
+    @property
+    def decides_in_state(self) -> bool:
+        """Whether it can be asked about one fact in one state: a test with `:fluents`."""
+        return self._names_inputs and bool(self.fluents)
+
+    @property
+    def _names_inputs(self) -> bool:
         return self.is_test and self.kind != "rule" and all(set(self.inputs) <= set(a.args) for a in self.certified)
 
 
@@ -68,7 +80,24 @@ def parse_streams(text: str, domain: Domain, path: Path | str | None = None) -> 
         if stream.name in streams:
             raise reader.error(f"stream `{stream.name}` is declared twice", group.line)
         streams[stream.name] = stream
-    return tuple(streams.values())
+    return mark_recursive(streams.values())
+
+
+def mark_recursive(streams: Iterable[Stream]) -> tuple[Stream, ...]:
+    """The streams, those marked that are recursive: such a test cannot be asked about one fact without end."""
+    streams = tuple(streams)
+    needs = nx.DiGraph()
+    for stream in streams:
+        if stream.is_test:
+            needs.add_edges_from((a.predicate, b.predicate) for a in stream.certified for b in stream.domain)
+    cyclic = [needs.subgraph(component) for component in nx.strongly_connected_components(needs)]
+    within = {edge for component in cyclic for edge in component.edges}
+    return tuple(
+        replace(
+            s, recursive=s.is_test and any((a.predicate, b.predicate) in within for a in s.certified for b in s.domain)
+        )
+        for s in streams
+    )
 
 
 def _atoms(reader: PDDLReader, item: Symbol | Group, scope: frozenset[str], what: str) -> tuple[Atom, ...]:
@@ -139,8 +168,9 @@ def _stream(reader: PDDLReader, group: Group, domain: Domain) -> Stream:
         reader.arity(fluent)
         if fluent.name not in domain.fluents:
             raise reader.error(f"no action changes `{fluent.spelling}`", fluent.line, "remove it from `:fluents`")
-    if fluents and not outputs:
-        raise reader.error(f"test `{name}` has `:fluents`", group.line, "give it an output, or use an axiom")
+    if fluents and not outputs and any(set(inputs) - set(a.args) for a in certified):
+        hint = "a test with `:fluents` certifies facts about all its inputs"
+        raise reader.error(f"test `{name}` certifies a fact that leaves out an input", group.line, hint)
     return Stream(name, inputs, conditions, outputs, certified, group.line, "stream", tuple(f.name for f in fluents))
 
 

@@ -47,12 +47,16 @@ class Needs:
     calls: dict[tuple[str, Args, int], Call] = field(default_factory=dict)
 
     def add_call(self, call: Call, world: World) -> None:
-        """Add a call, the calls its inputs come from, and the tests they have to pass."""
+        """Add a call, the calls that its inputs and conditions come from, and the tests they have to pass."""
         if call.key in self.calls:
             return
         for name in call.inputs:
             if name in world.call_of:
                 self.add_call(world.call_of[name], world)
+        binding = dict(zip(call.stream.inputs, call.inputs, strict=True))
+        for atom in call.stream.domain:
+            if maker := world.maker.get((atom.predicate, *bind(atom, binding))):
+                self.add_call(maker, world)
         for fact in call.requires:
             self.literals.add((fact, True))
             for name in fact[1:]:
@@ -98,9 +102,10 @@ def plan_needs(program: Program, world: World, state: State, steps: list[Step], 
 
 def _cost_conditions(world: World, schema: ActionSchema) -> Iterator[Formula]:
     """What has to hold for an action's cost to be computed."""
-    if isinstance(schema.cost, Atom) and (function := world.functions.get(schema.cost.predicate)):
-        binding = dict(zip(function.inputs, schema.cost.args, strict=True))
-        yield from (substitute(atom, binding) for atom in function.domain)
+    for term in schema.cost_terms:
+        if function := world.functions.get(term.predicate):
+            binding = dict(zip(function.inputs, term.args, strict=True))
+            yield from (substitute(atom, binding) for atom in function.domain)
 
 
 class Support:

@@ -102,6 +102,7 @@ def test_hundreds_of_broken_problems(files: tuple[str, str]) -> None:
     run(files)
 
 
+@pytest.mark.filterwarnings("ignore:.*is not declared in the domain")
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.recursive(st.one_of(st.text(max_size=3), st.integers(), st.none()),
                     lambda inner: st.lists(inner, max_size=3).map(tuple), max_leaves=6))  # fmt: skip

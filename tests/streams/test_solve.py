@@ -1,7 +1,9 @@
 """The PDDLStream entry point: its language, its helpers, its constraints, its answers."""
 
+import itertools
 import math
 import threading
+import warnings
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from gentamp_lp.streams import (
     Not,
     Or,
     OrderedSkeleton,
+    PartialInputs,
     PDDLProblem,
     PlanConstraints,
     StreamInfo,
@@ -38,6 +41,10 @@ from gentamp_lp.streams import (
     negate_test,
     print_solution,
     solve,
+    solve_adaptive,
+    solve_binding,
+    solve_focused,
+    solve_incremental,
 )
 
 TRAVEL = """(define (domain travel)
@@ -150,11 +157,13 @@ def shelf(goal: object, spots: object, **changes: object) -> PDDLProblem:
         from_list_fn(lambda i: [(n,) for n in range(3, 7)]),
         from_gen_fn(lambda i: ((n,) if n % 3 != 1 else None for n in range(3, 9))),
         from_gen([(3,), (5,), (6,)]),
+        from_gen((n,) for n in itertools.count(3)),
+        from_list_fn(lambda i: WildOutput([(3,), (5,), (6,)], [("Good", 9)])),
         from_list_gen_fn(lambda i: iter([[], [(3,), (4,)], [(5,), (6,)], []])),
         lambda i: iter([[(3,)], WildOutput([(5,)], [("Good", 9)]), [(6,)]]),
         from_sampler(lambda i, rows=[(3,), None, (6,), (5,), (7,)] * 50: rows.pop(0) if rows else None, 200),
     ],
-    ids=["list_fn", "gen_fn", "gen", "list_gen_fn", "raw and wild", "sampler"],
+    ids=["list_fn", "gen_fn", "gen", "endless gen", "wild list_fn", "list_gen_fn", "raw and wild", "sampler"],
 )  # fmt: skip
 def test_streams_rules_predicates_and_functions(spots: object) -> None:
     check_shelf("adaptive", spots)
@@ -177,6 +186,18 @@ def test_rules_are_chained(algorithm: str) -> None:
     """5 is linked to 7 by way of 6 only, and equal outputs of two streams are one object."""
     result = solve(shelf(("Seen", 7), from_list_fn(lambda i: [(5,), (6,), (7,)])), algorithm, max_time=30)
     assert result.status == "solved", str(result.report)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_tests_may_certify_what_their_conditions_speak_of(algorithm: str) -> None:
+    """One says what was known before, another turns its condition round."""
+    more = """(:stream again :inputs (?i ?x) :domain (Spot ?i ?x) :certified (Spot ?i ?x))
+      (:stream turned :inputs (?x ?y) :domain (Linked ?x ?y) :certified (Linked ?y ?x)))"""
+    problem = shelf(("Seen", 5), from_list_fn(lambda i: [(5,), (6,), (8,)]), again=from_test(lambda i, x: x != 5))
+    problem.stream_map["turned"] = from_test(lambda x, y: True)
+    for files in (SHELF_STREAMS[:-1] + more, [SHELF_STREAMS, "(define (stream more) " + more]):
+        result = solve(problem._replace(stream_pddl=files), algorithm, max_time=30)
+        assert [(a.name, a.args[1]) for a in result.plan] == [("look", 5)], str(result.report)
 
 
 def test_constant_and_wild_streams() -> None:
@@ -271,6 +292,38 @@ def test_skeletons_over_sampled_values_and_cost_bounds() -> None:
         assert len(result.plan) == 1 and result.cost == result.plan[0].args[1] <= 5.6
 
 
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_cheaper_plans_are_looked_for_among_more_samples(algorithm: str) -> None:
+    spots = from_gen_fn(lambda i: ((10 - n,) for n in itertools.count()) if i == "a" else iter(()))
+    result = solve(shelf(Exists(["?x"], ("On", "a", "?x")), spots), algorithm, success_cost=6.5, max_time=30)
+    assert result.cost == 6, str(result.report)
+
+
+def test_optimistic_outputs_and_outcomes() -> None:
+    """What `opt_gen_fn` gives stands for samples in bounds of costs and in optimistic tests."""
+    spots = from_gen_fn(lambda i: iter([(6.5,), (5,), (7,)] if i == "a" else [(8,), (9,)]))
+    goal = Or(*(Exists(["?x"], ("On", i, "?x")) for i in "ab"))
+    bounded = {"height": FunctionInfo(opt_fn=lambda x: x / 2)}
+    with pytest.raises(InputError, match=r"`height` failed .*Placeholder"):
+        solve(shelf(goal, spots), stream_info=bounded)
+    asked: list[object] = []
+
+    def hoped(i: str) -> tuple[int]:
+        asked.append(i)
+        return (4 if i == "a" else 12,)
+
+    bounded["spots"] = StreamInfo(opt_gen_fn=from_fn(hoped))
+    result = solve(shelf(goal, spots), stream_info=bounded, planner="max-astar", max_time=30)
+    assert [a.args[0] for a in result.plan] == ["a"] and sorted(asked) == ["a", "b"]
+    refused = {**bounded, "stable": StreamInfo(opt_gen_fn=from_test(lambda i, x: i == "b"))}
+    result = solve(shelf(goal, spots), stream_info=refused, planner="max-astar", max_time=30)
+    assert [a.args[0] for a in result.plan] == ["b"]
+    nothing = {"spots": StreamInfo(opt_gen_fn=from_fn(lambda i: (1,) if i == "b" else None))}
+    assert [a.args[0] for a in solve(shelf(goal, spots), stream_info=nothing, max_time=30).plan] == ["b"]
+    nothing = {"spots": StreamInfo(opt_gen_fn=PartialInputs("?i", unique=True))}
+    assert solve(shelf(goal, spots), stream_info=nothing, max_time=30).plan
+
+
 # --- fluent streams and contextual generators
 
 DOOR = """(define (domain door)
@@ -331,6 +384,114 @@ def test_a_contextual_generator_sees_what_stands() -> None:
     assert sorted(a.args[1] for a in result.plan) == [0, 1, 2, 3, 4]
 
 
+DRIVES = """(define (domain drives)
+  (:predicates (Town ?a) (At ?a) (Car ?c) (Left))
+  (:functions (Toll ?a ?b))
+  (:action drive :parameters (?c ?a ?b) :precondition (and (Car ?c) (At ?a) (Town ?b))
+    :effect (and (At ?b) (not (At ?a)) (increase (total-cost) 2) (increase (total-cost) (Toll ?a ?b))
+      (increase (total-cost) (Fuel ?c)) (increase (total-cost) (Fuel ?c)) (increase (total-cost) 0.5)))
+  (:action stay :parameters (?c) :precondition (Car ?c) :effect (and (Left) (increase (total-cost) (Fuel ?c)))))"""
+FUEL = """(define (stream drives)
+  (:stream car :outputs (?c) :certified (Car ?c))
+  (:function (Fuel ?c) (Car ?c)))"""
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_the_costs_of_an_action_are_added_up(algorithm: str) -> None:
+    """One of them is a function that only the streams declare."""
+    tolls = {("a", "b"): 1.0, ("b", "c"): 1.5, ("a", "c"): 20.0}
+    init = [("Town", t) for t in "abc"] + [("At", "a")] + [Equal(("Toll", *way), toll) for way, toll in tolls.items()]
+    functions = {"car": from_list_fn(lambda: [(n,) for n in (4, 2, 3)]), "fuel": lambda c: 0.25 * c}
+    problem = PDDLProblem(DRIVES, {}, FUEL, functions, init, ("At", "c"))
+    result = solve(problem, algorithm, max_cost=10, max_time=30)
+    route = [(args[1], args[2]) for _, args in result.plan]
+    assert route == [("a", "b"), ("b", "c")]
+    assert result.cost == pytest.approx(sum(2.5 + tolls[args[1], args[2]] + 0.5 * args[0] for _, args in result.plan))
+    best = solve(problem, algorithm, max_cost=9.5, max_time=30)
+    assert best.cost == 9.5 and {args[0] for _, args in best.plan} == {2}
+    both = solve(problem._replace(goal=And(("At", "b"), ("Left",))), algorithm, planner="max-astar", max_time=30)
+    assert both.cost <= 2.5 + 1 + 3 * 0.25 * 4 and solve(problem, algorithm, unit_costs=True, max_time=30).cost == 1
+
+
+# --- predicates that only streams know
+
+PATCH = """(define (domain patch)
+  (:predicates (Sheet ?s) (Pieces ?s ?c ?a ?b) (Have ?s))
+  (:functions (Effort ?s ?c))
+  (:action tear :parameters (?s ?c ?a ?b) :precondition (and (Pieces ?s ?c ?a ?b) (Have ?s))
+    :effect (and (Have ?a) (Have ?b) (not (Have ?s)) (increase (total-cost) (Effort ?s ?c)))))"""
+PATCH_STREAMS = """(define (stream patch)
+  (:stream crease :outputs (?c) :certified (Crease ?c))
+  (:stream tear :inputs (?s ?c) :domain (and (Sheet ?s) (Crease ?c)) :outputs (?a ?b)
+    :certified (and (Sheet ?a) (Sheet ?b) (Pieces ?s ?c ?a ?b)))
+  (:function (Effort ?s ?c) (and (Sheet ?s) (Crease ?c))))"""
+
+
+def patch(streams: str = PATCH_STREAMS, more: tuple = ()) -> PDDLProblem:
+    functions = {
+        "crease": from_list_fn(lambda: [(0.5,), (0.25,)]),
+        "tear": from_fn(lambda s, c: ((s[0], s[0] + c * (s[1] - s[0])), (s[0] + c * (s[1] - s[0]), s[1]))),
+        "effort": lambda s, c: 1 / c,
+    }
+    three = ("?x", "?y", "?z")
+    different = [Not(Equal(a, b)) for a, b in itertools.combinations(three, 2)]
+    goal = Exists(three, And(*(("Have", v) for v in three), *different))
+    init = [("Sheet", (0.0, 1.0)), ("Have", (0.0, 1.0)), *more]
+    return PDDLProblem(PATCH, {}, streams, functions, init, goal)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_streams_may_use_predicates_that_the_domain_does_not_declare(algorithm: str) -> None:
+    with warnings.catch_warnings(action="error"):
+        result = solve(patch(), algorithm, max_time=30)
+    assert [a.name for a in result.plan] == ["tear", "tear"] and ("crease", 0.5) in result.certificate.all_facts
+    assert result.cost == sum(1 / action.args[1] for action in result.plan)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (":certified (Crease ?c)", ":certified (Creese ?c)", "stream.pddl:2: .*`Creese`"),
+        ("(Pieces ?s ?c ?a ?b)))", "(Peices ?s ?c ?a ?b)))", "(?s)stream.pddl:4: .*`Peices`.*did you mean `Pieces`"),
+        (":domain (and (Sheet ?s)", ":domain (and (Sheeet ?s)", "(?s)stream.pddl:3: .*did you mean `Sheet`"),
+        (":certified (Crease ?c)", ":certified (Crease ?c ?c)", "stream.pddl:3: .*`Crease` takes 2"),
+    ],
+)
+def test_spelling_mistakes_in_streams_are_errors_all_the_same(old: str, new: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        solve(patch(PATCH_STREAMS.replace(old, new)), max_time=30)
+
+
+def test_goals_may_use_predicates_that_the_domain_does_not_declare() -> None:
+    text = PATCH_STREAMS.replace(
+        "(:function", "(:rule :inputs (?c) :domain (Crease ?c) :certified (Line ?c)) (:function"
+    )
+    goal = Exists(["?c"], And(("Line", "?c"), Not(Equal("?c", 0.5))))
+    with warnings.catch_warnings(action="error"):
+        assert solve(patch(text)._replace(goal=goal), max_time=30).plan == []
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_sample_that_must_differ_from_a_known_object(algorithm: str) -> None:
+    """The first twelve samples are what the goal excludes."""
+    spots = from_gen_fn(lambda i: iter([*((n,) for n in range(5, 17)), (18,)]))
+    excluded = [Not(Equal("?x", n)) for n in range(5, 17)]
+    result = solve(shelf(Exists(["?x"], And(("On", "a", "?x"), *excluded)), spots), algorithm, max_time=30)
+    assert [action.args for action in result.plan] == [("a", 18)], str(result.report)
+
+
+def test_what_nothing_reads_is_warned_of() -> None:
+    text = PATCH_STREAMS.replace(
+        "(:function", "(:rule :inputs (?c) :domain (Crease ?c) :certified (Line ?c)) (:function"
+    )
+    with pytest.warns(UserWarning, match="stream.pddl:5: predicate `Line` .* nothing reads it"):
+        assert solve(patch(text), max_time=30).plan
+    with pytest.warns(UserWarning, match="initial facts: predicate `Red` .* nothing reads it"):
+        assert solve(patch(more=[("Red", 1)]), max_time=30).plan
+    with pytest.warns(UserWarning, match="function `Price` .* no action's cost reads it"):
+        assert solve(patch(more=[Equal(("Price",), 1)]), max_time=30).plan
+
+
 # --- mistakes and failures
 
 
@@ -345,7 +506,8 @@ def test_a_contextual_generator_sees_what_stands() -> None:
         ({"goal": ("exists", ["x"], ("At", "x"))}, "begin with `\\?`"),
         ({"init": [("Road", 1)]}, "takes 2"),
         ({"init": ["Road"]}, "not a tuple"),
-        ({"init": [Equal(("Price", 1), 2)]}, "unknown function"),
+        ({"init": [Equal(("Distanse", 1, 2), 2)]}, "(?s)unknown function `Distanse`.*did you mean `Distance`"),
+        ({"init": [*INIT, ("Rood", HOME, OSLO)]}, "(?s)unknown predicate `Rood`.*did you mean `Road`"),
         ({"init": [Equal(("Distance", 1, 2), -2)]}, "numbers from 0"),
         ({"stream_pddl": "(define (stream s) (:optimizer o))"}, "stream.pddl:1: .*optimizers"),
         ({"stream_pddl": "(define (stream s)\n (:stream t :inputs (?c - city) :certified (Visited ?c)))"},
@@ -364,8 +526,17 @@ def test_unknown_arguments_and_algorithms() -> None:
     with pytest.raises(TypeError, match="algorithmus"):
         solve(travel(("At", OSLO)), algorithmus="adaptive")
     with pytest.raises(InputError, match="adaptive, incremental"):
-        solve(travel(("At", OSLO)), "focused")
-    assert solve(travel(("At", OSLO)), max_failures=3, visualize=False, effort_weight=1).plan
+        solve(travel(("At", OSLO)), "abstract")
+    info = {"distance": FunctionInfo(verbose=False, p_success=1), "road": StreamInfo(verbose=False, overhead=1)}
+    assert solve(travel(("At", OSLO)), stream_info=info, max_failures=3, visualize=False, effort_weight=1).plan
+
+
+def test_the_names_of_the_algorithms() -> None:
+    by_train = PlanConstraints([[("buy", []), ("ride", [WILD, WILD, OSLO])]])
+    for function in (solve_incremental, solve_adaptive, solve_focused, solve_binding):
+        assert [a.name for a in function(travel(("At", OSLO)), by_train, unit_costs=True).plan] == ["buy", "ride"]
+    for name in ("focused", "binding"):
+        assert solve(travel(("At", OSLO)), name).plan
 
 
 def test_a_failure_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:
