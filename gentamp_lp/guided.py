@@ -43,6 +43,7 @@ from gentamp_lp.task import Instance
 from gentamp_lp.watches import Toggles, Watches
 
 _BACKTRACKS = 30  # per round, doubled every round
+_MOVES = 15  # how often one thing is put elsewhere by repairs, per round
 _GROWTH = 4  # by how much sampling limits grow where samples run out, and every round
 
 
@@ -173,7 +174,7 @@ class GuidedPlanner:
         self._round = 1  # multiple of the task's sampling limits
         self._here = _Expansion()  # that of the generator that runs at present
         self._deadline = 0.0
-        self._blamed: Counter[Fact] = Counter()  # how often facts were in the way
+        self._moved: Counter[Fact] = Counter()  # how often facts, and what is given of them, were moved in this round
         self._wish: tuple[Wish, Wishes] | None = None  # what nothing may get in the way of before it is carried out
         self._hints: dict[int, tuple[str, Args]] = {}  # depth -> the step to try first there
         self._strays: dict[State, dict[str, int]] = {}  # state -> values of a refused successor without a rule
@@ -261,6 +262,7 @@ class GuidedPlanner:
         choices: list[Iterator[_Move]] = []
         backtracks = 0
         self._wish, self._hints = None, {}
+        self._moved.clear()
         while True:
             self._check_time()
             if len(choices) < len(states):
@@ -300,6 +302,7 @@ class GuidedPlanner:
         """
         self._wish, self._hints = None, {}
         made = {fact: number for number, move in enumerate(moves) for fact in move.added}
+        made = {fact: number for fact, number in made.items() if self._moved[self._given(fact)] < _MOVES}
         rule = self.policy.rule_for(self._values.positive())
         if rule is None:
             return len(moves) - 1
@@ -307,15 +310,19 @@ class GuidedPlanner:
         for name in action.schemas:
             phases = self._phases(name, action.name)
             wanted = partial(self._wanted, phases, action, _Expansion(state))
-            wish = phases.wishes.best(made, self._blamed, wanted)
+            wish = phases.wishes.best(made, lambda fact: 1 + self._moved[fact], wanted)
             if wish is not None:
-                self._blamed.update(wish.obstacles)
+                self._moved.update({*wish.obstacles, *map(self._given, wish.obstacles)})
                 self._wish = wish, phases.wishes
                 again = ((i, move) for i, move in enumerate(moves) if wish.obstacles.isdisjoint(move.added))
                 self._hints = {i: (move.step.schema, move.known) for i, move in again}
                 self._hints[len(moves)] = wish[:2]
                 return min(made[fact] for fact in wish.obstacles)
         return len(moves) - 1
+
+    def _given(self, fact: Fact) -> Fact:
+        """A fact without what streams have made."""
+        return tuple(name for name in fact if name not in self.base.made_by)
 
     def _wanted(self, phases: _Phases, action: AbstractAction, here: _Expansion, known: Args) -> bool:
         """Whether a step would have the abstract effect."""

@@ -7,7 +7,6 @@ elsewhere, and the other steps are kept where they still can be done. Obstacles 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
@@ -72,11 +71,13 @@ class Wishes:
         self._args = situation.query(And(late), known, parameters, lazy=True)
         self._late = _Obstacles(against, parameters, situation)
 
-    def best(self, movable: Container[Fact], blamed: Counter[Fact], wanted: Callable[[Args], bool]) -> Wish | None:
-        """Of the bindings that are `wanted`, the one whose obstacles, all of them `movable`, weigh least."""
+    def best(
+        self, movable: Container[Fact], cost: Callable[[Fact], int], wanted: Callable[[Args], bool]
+    ) -> Wish | None:
+        """Of the bindings that are `wanted`, the one whose obstacles, all of them `movable`, cost least."""
 
         def weight(obstacles: Iterable[Fact]) -> int:
-            return sum(1 + blamed[fact] for fact in obstacles)
+            return sum(map(cost, obstacles))
 
         early = ((known, frozenset(self._early.of(known))) for known in dict.fromkeys(self._known.solutions()))
         possible = [(known, facts) for known, facts in early if all(fact in movable for fact in facts)]
