@@ -45,7 +45,7 @@ from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
 from gentamp_lp.streams.semantics import Program, State, Step, View
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
-#: Tried in turn, each with a share of the remaining time; the last one gets all of it.
+#: Tried in turn, shortly at first, then each with a share of the remaining time; the last one gets all of it.
 SEARCHES = (
     "eager(alt([tiebreaking([sum([g(),ff()]),ff()]),tiebreaking([sum([g(),ff()]),ff()],pref_only=true)]),"
     "reopen_closed=true,preferred=[ff()])",
@@ -53,6 +53,7 @@ SEARCHES = (
     "lazy_greedy([goalcount()])",
 )
 _SHARES = (0.5, 0.7, 1.0)
+_FIRST = 10.0  # seconds that each of several searches gets at most before any gets its share
 COST_SCALE = 1000  # Fast Downward counts costs in whole numbers
 #: The planner names of PDDLStream. `lmcut` cannot handle derived predicates, so hmax takes its place.
 PLANNERS = {
@@ -170,8 +171,13 @@ def _search(
 ) -> bool:
     """Try each search with its share of the time; True when one has written a plan, False when there is none."""
     deadline = time.monotonic() + seconds
-    for string, share in zip(searches, _SHARES[-len(searches) :], strict=True):
-        left = share * (deadline - time.monotonic())
+    shares = tuple(zip(searches, _SHARES[-len(searches) :], strict=True))
+    turns = [(*turn, most) for most in ((_FIRST, math.inf) if len(searches) > 1 else (math.inf,)) for turn in shares]
+    given_up: set[str] = set()
+    for string, share, most in turns:
+        left = min(most, share * (deadline - time.monotonic()))
+        if string in given_up or left <= 0:
+            continue
         command = [str(binary()), "--search", _bounded(string, max_cost, unit_costs)]
         with (here / "output.sas").open("rb") as task:
             code, output = _run(command, here, left, memory_limit, task)
@@ -183,6 +189,8 @@ def _search(
             return False
         if code not in _OUT_OF_TIME | _OUT_OF_MEMORY | {_INCOMPLETE}:
             raise SolverError(f"Fast Downward failed with code {code}:\n{output[-2000:]}")
+        if code not in _OUT_OF_TIME:
+            given_up.add(string)
     allowed = f"{seconds:.0f} s and {memory_limit / 1024**3:.1f} GiB"
     if code in _OUT_OF_MEMORY:
         raise MemoryLimitReached(f"Fast Downward found no plan within {allowed}: out of memory")
