@@ -790,7 +790,7 @@ def schema(
 
     if name is None:
         for known, (_, about) in FORMATS.items():
-            _say(f"{known:10}  {about}")
+            _say(f"{known:11}  {about}")
     elif name in FORMATS:
         _print_json(of(name))
     else:
