@@ -332,6 +332,10 @@ class CompileReport(_Document):
     actions: list[str]
     doubtful: dict[str, list[str]]
     """feature: test predicates that it reads"""
+    supposed: list[str]
+    """invariants that the encoding supposes of initial states"""
+    checked: dict[str, dict[str, str]]
+    """copy of an action: the features that a `check` action has to look at (encoding `local`), and why"""
 
 
 class CheckReport(_Document):
