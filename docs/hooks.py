@@ -23,6 +23,8 @@ LINK = re.compile(r"(?<=\]\()(?!https?:)[^)#\s]+(?=[)#])")
 PLDOC = re.compile(r"((?:^%!.*\n)+)((?:^%(?!!).*\n)*)", re.MULTILINE)
 SYMBOLS = re.compile(r"(\[`[^`]+`\]\(([^)]+)\))((?: `[^`]+`)+)")
 ASP_DOC = re.compile(r"^%\*\n(.*?)\*%", re.MULTILINE | re.DOTALL)
+ASP_SECTION = re.compile(r"^(Input|Output|Local): *\n((?:    .*\n)+)", re.MULTILINE)
+ASP_PREDICATE = re.compile(r"^    (\S.*?)  +(\S.*(?:\n     +\S.*)*)", re.MULTILINE)
 LANGUAGES = {".lp": "prolog", ".pl": "prolog", ".py": "python", ".yaml": "yaml", ".pddl": "lisp", ".urdf": "xml"}
 
 
@@ -116,14 +118,35 @@ def grammar() -> str:
 
 
 def asp() -> str:
-    """What each ASP program is for, what it reads and what it concludes, from the comment at its head."""
-    text = ["# ASP predicates", "Each file says what it is for, which predicates it reads and which it defines."]
-    for path in sorted((ROOT / "asp").rglob("*.lp")):
-        about = ASP_DOC.search(path.read_text(encoding="utf-8"))
-        if about is None:
-            raise PluginError(f"{path.relative_to(ROOT)} has no comment that says what it is for")
-        text += [f"## `{path.relative_to(ROOT)}`", fence(about[1])]
+    """The predicates of each ASP program, its own comment, and those of its files."""
+    text = ["# ASP predicates"]
+    for program in sorted((ROOT / "asp").glob("*.lp")):
+        text += [f"## `asp/{program.name}`", fence(asp_comment(program))]
+        files = sorted((ROOT / "asp" / program.stem).glob("*.lp"))
+        rows = sorted((name, what, path.name, role) for path in files for name, what, role in asp_predicates(path))
+        if rows:
+            lines = [f"| `{name}` | {what} | {role.lower()}, `{file}` |" for name, what, file, role in rows]
+            text.append("\n".join(["| predicate | meaning | |", "|---|---|---|", *lines]))
+        for path in files:
+            text += [f"### `asp/{program.stem}/{path.name}`", fence(asp_comment(path))]
     return "\n\n".join(text)
+
+
+def asp_comment(path: Path) -> str:
+    """What an ASP file says about itself."""
+    about = ASP_DOC.search(path.read_text(encoding="utf-8"))
+    if about is None:
+        raise PluginError(f"{path.relative_to(ROOT)} has no comment that says what it is for")
+    return about[1]
+
+
+def asp_predicates(path: Path) -> list[tuple[str, str, str]]:
+    """The predicates that an ASP file explains: with arguments, meaning, and Input, Output or Local."""
+    return [
+        (name, " ".join(what.split()), role)
+        for role, lines in ASP_SECTION.findall(asp_comment(path))
+        for name, what in ASP_PREDICATE.findall(lines)
+    ]
 
 
 def formats() -> str:

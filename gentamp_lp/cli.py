@@ -315,6 +315,10 @@ def solve(
         _print_json(report)
     elif result.plan is None:
         _say(f"no plan: {result.reason}")
+        if result.limited:
+            more = f"a longer --timeout than {timeout:g} s may find one"
+            learned = "" if guide else f", or a policy: gentamp-lp learn {task}"
+            messages.print(f"hint: this does not show that there is none; {more}{learned}", soft_wrap=True)
     else:
         for number, step in enumerate(result.plan.steps, 1):
             _say(f"{number:3}. {step.schema}({', '.join(step.args)})")
@@ -790,7 +794,7 @@ def schema(
 
     if name is None:
         for known, (_, about) in FORMATS.items():
-            _say(f"{known:10}  {about}")
+            _say(f"{known:11}  {about}")
     elif name in FORMATS:
         _print_json(of(name))
     else:

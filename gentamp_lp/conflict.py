@@ -37,7 +37,7 @@ def require_separable_goals(evidence: Evidence) -> None:
         raise NoPolicy(
             f"no feature of the pool separates these goal states from states that are none: {shown}"
             + (f" and {len(pairs) - 5} more pairs" if len(pairs) > 5 else "")
-            + "; try a higher complexity or another grammar rule",
+            + "; try a higher complexity (--max-complexity) or a word that tells them apart (--grammar)",
             pairs=pairs,
             states=tuple(sorted({state for pair in pairs for state in pair})),
         )
@@ -89,6 +89,7 @@ def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolic
                 )
     lines.append(
         "  demonstrations that treat like states differently are inconsistent: change them, or try a higher "
-        "complexity, another grammar rule" + ("" if theory.fairness == "strong-cyclic" else ", a weaker fairness")
+        "complexity (--max-complexity), a word of your own (--grammar)"
+        + ("" if theory.fairness == "strong-cyclic" else ", a weaker fairness (--fairness)")
     )
     return NoPolicy("\n".join(lines), states=states)

@@ -97,15 +97,28 @@ class Dataset:
 
     def describe(self, number: int, predicates: Collection[str]) -> str:
         """What `predicates` say of a state, for explanations."""
+        return f"{self.name(number)}: {self._shown(self.states[number].facts, predicates)}"
+
+    def name(self, number: int) -> str:
+        """How explanations call a state."""
         state = self.states[number]
         problem = self.problems[state.problem]
-        facts = [
-            f"{self.display[name]}({', '.join(args)})" if args else self.display[name]
-            for name, *args in state.facts
-            if name in predicates
-        ]
         kind = "goal state" if state.goal else "state"
-        return f"{kind} {number} (size {problem.size}, seed {problem.seed}): {', '.join(facts)}"
+        return f"{kind} {number} (size {problem.size}, seed {problem.seed})"
+
+    def contrast(self, first: int, second: int, predicates: Collection[str]) -> str:
+        """What `predicates` say of one of two states only."""
+        one, two = self.states[first].facts, self.states[second].facts
+        only = self._shown([f for f in one if f not in two], predicates)
+        other = self._shown([f for f in two if f not in one], predicates)
+        return f"  in {self.name(first)}: {only or 'nothing more'}; in {self.name(second)}: {other or 'nothing more'}"
+
+    def _shown(self, facts: Iterable[Fact], predicates: Collection[str]) -> str:
+        return ", ".join(
+            f"{self.display[name]}({', '.join(args)})" if args else self.display[name]
+            for name, *args in facts
+            if name in predicates
+        )
 
     def to_json(self) -> str:
         """The dataset as JSON text."""

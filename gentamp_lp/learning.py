@@ -18,6 +18,8 @@ from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Recorder, demonstrate, short_plan
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.evidence import parse_evidence
+from gentamp_lp.explain import recorded, told
+from gentamp_lp.features import Features
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.openness import Openness
 from gentamp_lp.policy import Policy
@@ -31,7 +33,7 @@ Rollout = tuple[int | str, int, str | None]  # size, seed, robot
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
 VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
-_EXPLAINED = 6  # states shown when there is no policy
+_EXPLAINED = 4  # states, or pairs of states, shown when there is no policy
 _ROLLOUT_SECONDS = 60.0  # for one problem
 _ROLLOUT_TRIES = 2  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
@@ -118,15 +120,22 @@ class Learned:
     @cached_property
     def reasons(self) -> dict[str, str]:
         """Why each feature was selected: what goes wrong without it."""
-        fluents = self.task.folder.domain.fluents
+        chosen = {t.source: t for t in (self.dataset.transitions[number] for number in self.solution.chosen)}
+        features = dict(zip(self.solution.features, self.policy.features, strict=True))
+        see = recorded(self.dataset, self.task, Features.of(self.policy.features))
+
+        def step(state: int) -> str:
+            return f"{chosen[state].action}({', '.join(chosen[state].args)})"
+
         found = reasons(
             self.solution,
             parse_evidence(self.facts),
             self.policy.fairness,
             self.settings["unseen"],
-            lambda state: self.dataset.describe(state, fluents),
+            lambda number, state: f"{self.dataset.name(state)}, where {told(features[number], see(state))}",
+            step,
         )
-        return {f.name: found[number] for f, number in zip(self.policy.features, self.solution.features, strict=True)}
+        return {f.name: found[number] for number, f in features.items()}
 
     def save(self, folder: Path) -> None:
         """Write the policy bundle, whole or not at all."""
@@ -332,9 +341,10 @@ def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception
     """The failure with the concrete states it speaks of."""
     if not isinstance(failure, NoPolicy):
         return failure or LimitReached("the time limit ended learning before a pool was searched")
-    states = [s for pair in failure.pairs for s in pair] or list(failure.states)
-    shown = list(dict.fromkeys(states))[:_EXPLAINED]
-    return NoAnswer("\n".join([str(failure), *(data.describe(s, task.folder.domain.fluents) for s in shown)]))
+    fluents = task.folder.domain.fluents
+    pairs = sorted((data.contrast(*pair, fluents) for pair in failure.pairs), key=len)  # the nearest say most
+    lines = pairs or [data.describe(state, fluents) for state in failure.states]
+    return NoAnswer("\n".join([str(failure), *lines[:_EXPLAINED]]))
 
 
 def _roll_out(

@@ -9,6 +9,7 @@ from typing import Any
 
 from gentamp_lp.compile import constrained_domain, original_step
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
+from gentamp_lp.explain import situation
 from gentamp_lp.floor import stream_floor
 from gentamp_lp.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.plan import Plan
@@ -117,6 +118,7 @@ def solve(
                 try:
                     steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
                 except DeadEnd as end:
+                    end.reason += f"; there {situation(policy, instance.base, end.state)}"
                     stuck, planner = str(end), "constrained domain"
                     progress(f"following the policy failed ({end}); searching the constrained domain")
                     steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))

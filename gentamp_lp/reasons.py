@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 
 from gentamp_lp.abstraction import Solution
@@ -20,17 +20,25 @@ _WORDS = {
 
 
 def reasons(
-    solution: Solution, evidence: Evidence, fairness: str, unseen: str, describe: Callable[[int], str]
+    solution: Solution,
+    evidence: Evidence,
+    fairness: str,
+    unseen: str,
+    describe: Callable[[int, int], str],
+    step: Callable[[int], str],
 ) -> dict[int, str]:
     """For each selected feature a sentence: what the other selected features alone cannot do.
 
-    `describe` says what is true in a state, given its number.
+    `describe` says what a feature is in a state, given their numbers; `step` says which step the policy takes.
     """
     theory = compress(evidence, fairness, unseen)
     bit = {feature: 1 << evidence.bit(feature) for feature in solution.features}
     everything = reduce(or_, bit.values(), 0)
     choice = _choice(theory, solution)
-    return {feature: _reason(theory, everything & ~own, own, choice, describe) for feature, own in bit.items()}
+    return {
+        feature: _reason(theory, everything & ~own, own, choice, partial(describe, feature), step)
+        for feature, own in bit.items()
+    }
 
 
 def _choice(theory: Theory, solution: Solution) -> dict[int, int]:
@@ -44,7 +52,12 @@ def _choice(theory: Theory, solution: Solution) -> dict[int, int]:
 
 
 def _reason(
-    theory: Theory, others: int, feature: int, choice: Mapping[int, int], describe: Callable[[int], str]
+    theory: Theory,
+    others: int,
+    feature: int,
+    choice: Mapping[int, int],
+    describe: Callable[[int], str],
+    step: Callable[[int], str],
 ) -> str:
     lemmas = theory.refute(others, dict(choice))
     if not lemmas:
@@ -53,11 +66,14 @@ def _reason(
     if kind == "goal":
         goal, state = _confused(theory.evidence, others)
         rivals = _rivals(theory, lemmas, feature)
-        return f"without it, {describe(goal)} looks like {describe(state)}{rivals}"
+        return f"without it, {describe(goal)}, looks like {describe(state)}{rivals}"
     states = sorted(lemmas[0].states)
     if kind == "consistency":
         first, second = (states * 2)[:2]
-        return f"without it, {describe(first)} and {describe(second)} look alike, but the policy does not do the same"
+        return (
+            f"without it, {describe(first)}, looks like {describe(second)}, but the policy does "
+            f"{step(first)} in one and {step(second)} in the other"
+        )
     return f"without it, {_WORDS[kind]}: {'; '.join(describe(state) for state in states[:3])}"
 
 

@@ -20,7 +20,7 @@ RUN, SHOWN = {"console", "sh", "python", "yaml", "prolog", "lisp", "json"}, {"te
 _BLOCK = re.compile(
     r"(?:<!-- (not run|quoted): ([^>]+) -->\n)?^```([\w-]*)(?: title=\"([\w./-]+)\")?\n(.*?)^```$", re.M | re.S
 )
-_COMMAND = re.compile(r"^\$ (.*(?:\\\n.*)*)\n((?:(?!\$ ).*\n)*)", re.M)
+_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*)\n((?:(?!\$ ).*\n)*)", re.M)
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from test_cli import run
 
 from gentamp_lp import solve
-from gentamp_lp.errors import InputError
+from gentamp_lp.errors import InputError, NoAnswer
 from gentamp_lp.evidence import parse_evidence
 from gentamp_lp.explain import explain, trace
-from gentamp_lp.learning import Learned
+from gentamp_lp.learning import Learned, learn
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Policy
 from gentamp_lp.task import Task
@@ -46,6 +47,41 @@ def test_the_reasons_are_true(learned: Learned) -> None:
             assert first in evidence.goals and second not in evidence.goals
             assert difference >> evidence.bit(number) & 1
             assert int(re.search(r"cost of (\d+) or more", why)[1]) >= 1  # type: ignore[index]
+
+
+def test_reasons_name_objects(unstack: Learned) -> None:
+    """The blocks that stand on a block in state 0 are those that its facts say so of."""
+    why = unstack.reasons["f2"]
+    assert "where it counts nothing, looks like state 0 (size 8, seed 0), where it counts block" in why
+    blocks = re.search(r"state 0 \(.*?counts ([\w, ]+);", why)[1].split(", ")  # type: ignore[index]
+    facts = unstack.dataset.states[0].facts
+    assert blocks == sorted(f[1] for f in facts if f[0] == "on" and f[2].startswith("block"))
+
+
+def test_an_absent_policy_is_explained_by_what_differs(unstack: Learned) -> None:
+    with pytest.raises(NoAnswer, match="try a higher complexity") as caught:
+        learn(unstack.task, max_complexity=1)
+    first = str(caught.value).splitlines()[1]
+    states = [unstack.dataset.states[int(n)] for n in re.findall(r"state (\d+) \(size", first)]
+    for state, other, shown in zip(states, reversed(states), first.split("; in "), strict=True):
+        facts = re.findall(r"AtPose\((\w+), (\w+)\)", shown)
+        assert facts and all(("atpose", *f) in state.facts and ("atpose", *f) not in other.facts for f in facts)
+
+
+def test_an_absent_plan_is_explained_by_objects(unstack: Learned) -> None:
+    """The policy has no rule for the initial state: its features there are told with the blocks they count."""
+    policy = replace(unstack.policy, rules=unstack.policy.rules[1:])
+    result = solve(unstack.task, 6, 1, policy=policy, robot="gripper")
+    assert result.plan is None and result.reason == result.stuck
+    assert re.search(r"; there f1 is true of nothing, f2 counts block\d(, block\d)*$", str(result.reason))
+
+
+def test_a_time_limit_is_no_answer(bundle: Path) -> None:
+    options = ("--size", "9-32", "--timeout", "0.1", "--robot", "gripper")
+    done = run("solve", "load", *options, "--policy", str(bundle))
+    assert done.returncode == 3 and "a longer --timeout than 0.1 s may find one\n" in done.stderr
+    done = run("solve", "load", *options, "--mode", "unguided")
+    assert done.returncode == 3 and "or a policy: gentamp-lp learn load" in done.stderr
 
 
 def test_a_plan_is_told_as_it_happens(load: Learned, plan: Plan) -> None:

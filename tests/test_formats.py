@@ -6,11 +6,16 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 from jsonschema import Draft202012Validator, ValidationError
 from ruamel.yaml import YAML
+from typer.testing import CliRunner
 
-from gentamp_lp.formats import schema
+from gentamp_lp.bench import NAMES
+from gentamp_lp.cli import app
+from gentamp_lp.formats import FORMATS, schema
 from gentamp_lp.planning import solve
+from gentamp_lp.refinement import Failure, record
 from gentamp_lp.synthesis import read_problem, synthesize
 from gentamp_lp.synthesis.explaining import explain
 from gentamp_lp.synthesis.report import report
@@ -80,3 +85,61 @@ def test_synthesize(file):
     document = json.loads(json.dumps(report(found, reason)))
     validator("synthesize").validate(document)
     assert document["solvable"] is (file != "unsolvable.lp")
+
+
+@pytest.fixture(scope="module")
+def folder(unstack, tmp_path_factory):
+    """A folder with a bundle, a plan, a certificate and a table of runs, as the commands write them."""
+    place = tmp_path_factory.mktemp("formats")
+    unstack.save(place / "unstack")
+    qnp = str(ROOT / "docs" / "examples" / "08-qnp" / "clear.lp")
+    solve = ["solve", "unstack", "--size", "3", "--seed", "1", "--policy", str(place / "unstack")]
+    assert not CliRunner().invoke(app, [*solve, "--out", str(place / "plan.json")]).exit_code
+    assert not CliRunner().invoke(app, ["synthesize", qnp, "--out", str(place / "clear.json")]).exit_code
+    return place
+
+
+COMMANDS = {
+    "validate": ["validate", "plan.json"],
+    "explain": ["explain", "unstack", "--state", "plan.json"],
+    "report": ["report", "unstack", "--plan", "plan.json", "--out", "page.html"],
+    "compile": ["compile", "unstack", "--out", "constrained"],
+    "check": ["check", "unstack/policy.lp"],
+    "doctor": ["doctor"],
+    "features": ["features", "unstack", "--state", "0", "--formula", "exists y: On(x,y)", "--max-complexity", "2"],
+    "bench": ["bench", "unstack", "--sizes", "2", "--seeds", "1", "--modes", "guided", "--policies", ".", "--out", "."],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_commands_print(folder, monkeypatch, name):
+    """Each document fits its schema, and does not without any one of its members."""
+    monkeypatch.chdir(folder)
+    run = CliRunner().invoke(app, [*COMMANDS[name], "--json"])
+    document = json.loads(run.stdout)
+    validator(name).validate(document)
+    assert run.exit_code == (2 if name == "check" else 0) and (name != "check" or document["errors"])
+    for key in document:
+        assert not validator(name).is_valid({k: v for k, v in document.items() if k != key})
+    assert not validator(name).is_valid({**document, "more": 1})
+
+
+@pytest.mark.parametrize("name, file", [("plan", "plan.json"), ("certificate", "clear.json")])
+def test_written_files(folder, name, file):
+    document = json.loads((folder / file).read_text(encoding="utf-8"))
+    validator(name).validate(document)
+    assert not validator(name).is_valid({**document, "format": "another"})
+
+
+def test_lines(folder):
+    """The columns of results.csv, and a failure as `solve` keeps it."""
+    assert list(schema("results")["properties"]) == NAMES
+    record(folder / "unstack", Failure("9", 1, "panda", "no sample is left"))
+    line = (folder / "unstack" / "failures.jsonl").read_text(encoding="utf-8")
+    validator("failures").validate(json.loads(line))
+
+
+def test_every_json_option_has_a_schema():
+    commands = typer.main.get_command(app).commands
+    printing = {name for name, command in commands.items() if any(p.name == "json_" for p in command.params)}
+    assert printing <= FORMATS.keys()

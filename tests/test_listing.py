@@ -26,7 +26,7 @@ def listing(name: str) -> Listing:
 
 
 def documented() -> Iterator[tuple[str, str, str, str, str, str]]:
-    for line in (DOCS / "features.md").read_text(encoding="utf-8").splitlines():
+    for line in (DOCS / "pool.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         task, _, name = cells[0].partition(" ")
         if task.lower() in TASKS and re.match(r"[Ff]\d", name):
@@ -143,7 +143,7 @@ def test_other_problems_than_the_training_problems() -> None:
 
 
 def documented_clauses(name: str) -> None:
-    text = (DOCS / "features.md").read_text(encoding="utf-8")
+    text = (DOCS / "pool.md").read_text(encoding="utf-8")
     clauses = [
         line for line in (DOCS / "examples" / "05-own-words" / name).read_text().splitlines() if line and line[0] != "%"
     ]

@@ -194,6 +194,10 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
         WebDriverWait(browser, 60).until(lambda _: f"State {len(states) - 1} of" in text("#moment"))
         assert browser.execute_script(where) != before
         WebDriverWait(browser, 10).until(lambda _: text("#play") == "Play")
+        camera = "document.querySelector('iframe').contentWindow.camera"
+        seen = f"return Math.tan({camera}.fov*Math.PI/360)*{camera}.aspect"
+        angle = np.radians(shown["runs"][0]["animation"]["camera"]["angle"] / 2)
+        assert browser.execute_script(seen) >= np.tan(angle) * 4 / 3 - 1e-6  # things beside each other are in view
         eye = "return document.querySelector('iframe').contentWindow.camera.position.toArray()"
         first = browser.execute_script(eye)
         frame = browser.find_element("css selector", "iframe")

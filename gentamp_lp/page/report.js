@@ -169,7 +169,6 @@ class Player {
     scene.traverse(({material}) => material && Object.assign(material, {metalness: 0, roughness: 0.9}));
     scene.background = new THREE.Color(matchMedia("(prefers-color-scheme:dark)").matches ? 0x26313c : 0xeef2f6);
     camera.up.set(0, 0, 1);
-    camera.fov = this.camera.angle;
     camera.near = 0.02;
     camera.position.set(...this.camera.eye);
     controls.target.set(...this.camera.target);
@@ -178,7 +177,13 @@ class Player {
     controls.target0.copy(controls.target);
     controls.up0.copy(camera.up);
     this.window.addEventListener("keydown", (event) => this.turn(event));
-    onWindowResize();
+    const fit = () => {  // a narrow window shows as much from left to right as one of 4 by 3
+      const narrow = Math.max(1, 4 / 3 / (this.window.innerWidth / this.window.innerHeight));
+      camera.fov = (Math.atan(Math.tan((this.camera.angle * Math.PI) / 360) * narrow) * 360) / Math.PI;
+      onWindowResize();
+    };
+    this.window.addEventListener("resize", fit);
+    fit();
     this.nodes = Object.keys(this.frames[0].places).map((n) => scene.getObjectByName(`n${n}`));
     this.at(this.place);
     this.frame.dataset.ready = "yes";
