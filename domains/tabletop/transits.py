@@ -12,9 +12,10 @@ import numpy as np
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.motion import Motion, Space, find_motion
-from gentamp_lp.geometry.replay import SLAB, TABLE
+from gentamp_lp.geometry.replay import SLAB
+from gentamp_lp.geometry.shapes import Shape
 from gentamp_lp.geometry.surroundings import Surroundings
-from gentamp_lp.geometry.transforms import inverse
+from gentamp_lp.geometry.transforms import Array, inverse
 
 from .plans import Step, motion
 from .scene import Placement, World
@@ -67,8 +68,8 @@ class _State:
     def surroundings(self, opening: float) -> Surroundings:
         """What the arm moves among, and what it carries."""
         shapes, tables = self.world.shapes, self.world.tables or [SLAB]
-        standing = {f"{TABLE} {number}": table for number, table in enumerate(tables, 1)}
-        load = {}
+        standing: dict[str, tuple[Shape, Array]] = {}
+        load: dict[str, tuple[Shape, Array]] = {}
         if self.held:
             name, grasp = self.held
             load[name] = shapes[name], inverse(grasp.tool)
@@ -78,10 +79,10 @@ class _State:
             else:
                 base = self.there[place.frame].transform if place.frame != "world" else np.eye(4)
                 standing[name] = shapes[name], base @ place.transform
-        return Surroundings(self.world.robot, opening, standing, load)
+        return Surroundings(self.world.robot, opening, tables, standing, load)
 
     @property
-    def up(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+    def up(self) -> Array | None:
         """The direction in the tool frame that must stay upright, where a tray with things on it is held."""
         if self.held is None or all(place.frame != self.held[0] for place in self.there.values()):
             return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import fcl
 import numpy as np
@@ -20,18 +20,20 @@ _REQUEST = fcl.CollisionRequest(num_max_contacts=1)
 
 
 class Surroundings:
-    """Things that stand still around a robot whose fingers are `opening` (m) apart.
+    """Tables and things that stand still around a robot whose fingers are `opening` (m) apart.
 
-    `standing` has them with their poses in the world (several tables may be given as `table`, `table 2`, ...: links
-    that belong to the base may touch tables); `load` what the hand carries, with poses in the tool frame.
+    `load` is what the hand carries, with poses in the tool frame, those of the others are in the world. Links that
+    belong to the base may touch the tables.
     """
 
-    def __init__(self, robot: Robot, opening: float, standing: Placed, load: Placed) -> None:
+    def __init__(
+        self, robot: Robot, opening: float, tables: Sequence[tuple[Shape, Array]], things: Placed, load: Placed
+    ) -> None:
         self.robot = robot
         self.opening = opening
-        self.load = load
         carried = [(name, part, where) for name, (shape, where) in load.items() for part in shape.parts]
-        parts = [(name, part, where @ part.pose) for name, (shape, where) in standing.items() for part in shape.parts]
+        standing = [*((TABLE, table) for table in tables), *things.items()]
+        parts = [(name, part, where @ part.pose) for name, (shape, where) in standing for part in shape.parts]
         self._names = [f"the robot's {link.name}" for link in robot.links] + [
             f"the held {name}" for name, *_ in carried
         ]
@@ -45,9 +47,9 @@ class Surroundings:
         self._placed = [fcl.CollisionObject(geometry(part), _transform(where)) for _, part, where in parts]
         self._inverses = np.array([inverse(where) for *_, where in parts]).reshape(-1, 4, 4)
         self._halves = np.array([_half(part.size) for _, part, _ in parts]).reshape(-1, 3)
-        tables = np.array([name.split()[0] == TABLE for name in self._obstacles], dtype=bool)
+        solid = np.array([name == TABLE for name in self._obstacles], dtype=bool)
         mounted = np.array([link in robot.mounted for link in range(len(self._names))])
-        self._counts = ~(mounted[:, None] & tables)
+        self._counts = ~(mounted[:, None] & solid)
         self._others = np.array(sorted(set(range(len(robot.links))) - set(robot.hand)), dtype=int)
 
     def first_contact(self, configurations: Array) -> tuple[int, str] | None:
