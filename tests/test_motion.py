@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import time
 from pathlib import Path
 
@@ -100,6 +101,16 @@ def test_what_is_held_counts(panda):
     assert Surroundings(panda, 0.04, [SLAB], things, {}).first_contact(line) is None
     assert Surroundings(panda, 0.04, [SLAB], things, bar).first_contact(line)[1] == "the held bar touches block"
     assert "the held pole touches the robot's" in Surroundings(panda, 0.04, [], {}, pole).first_contact(line)[1]
+
+
+def test_the_replay_looks_at_what_is_held_and_the_arm(panda):
+    pole = box(0.03, 0.03, 0.6)
+    with Replay(panda) as replay:
+        replay.add("pole", pole, panda.tool(panda.home) @ pose(0.0, 0.0, -0.3))
+        replay.grasp("pole")
+        still = Trajectory(panda.home[None], panda.opening)
+        assert not any("pole is" in fault for fault in replay.move(still))
+        assert any(re.search("pole is .* inside the panda_link", fault) for fault in replay.move(still, apart=True))
 
 
 def test_pybullet_finds_no_contact_that_fcl_misses(panda):
@@ -210,10 +221,7 @@ def test_a_changed_transit_is_refused(arm_plan, tmp_path, change, message):
     data = copy.deepcopy(arm_plan)
     change(data)
     found = problems(data, tmp_path)
-    assert found
-    import re
-
-    assert re.search(message, found[0]), found[0]
+    assert found and re.search(message, found[0]), found
 
 
 def test_a_tray_with_its_load_is_kept_level(tray_plan, tmp_path):
