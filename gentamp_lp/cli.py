@@ -247,6 +247,9 @@ def solve(
         PlanningEngine, typer.Option(help="Unguided: this tool, or the original PDDLStream.")
     ] = PlanningEngine.embedded,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
+    motion: Annotated[
+        bool, typer.Option("--motion", help="Plan what the arm does between the steps, too, clear of collisions.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
     render: Annotated[Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")] = None,
     robot: RobotOpt = None,
@@ -296,6 +299,7 @@ def solve(
         skeleton=names,
         robot=robot,
         time_limit=timeout,
+        motion=motion,
         progress=_Progress(quiet),
         algorithm=algorithm and algorithm.value,
         engine=engine.value,
@@ -305,7 +309,9 @@ def solve(
         messages.print(f"plan written to {out}")
     if result.plan is not None and render is not None:
         code, base = loaded.folder.code, result.instance.base
-        code.render_plan(result.instance.world, [(s.schema, s.args) for s in result.plan.steps], base.values, render)
+        steps = [(s.schema, s.args) for s in result.plan.steps]
+        transits = () if result.plan.transits is None else (result.plan.transits,)
+        code.render_plan(result.instance.world, steps, base.values, render, *transits)
         messages.print(f"picture written to {render}")
     if result.stuck is not None:
         record(folder, Failure(result.instance.size, seed, result.instance.robot, result.stuck))
@@ -327,6 +333,8 @@ def solve(
             f"{len(result.plan.steps)} steps, {verdict}; {report['seconds']:.2f} s, "
             f"{report['stream_seconds']:.2f} s of it in streams ({report['planner']})"
         )
+        if result.motion is not None:
+            _say("transits: {transits}, {straight} of them straight; {seconds:.2f} s".format(**result.motion))
     if not result.valid:
         raise typer.Exit(3 if result.limited else 1)
 

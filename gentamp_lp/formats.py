@@ -177,6 +177,8 @@ class SolveReport(_Document):
     plan_length: int | None
     plan: list[list[str]] | None
     """one list a step: the action and its arguments"""
+    motion: dict[str, float] | None
+    """with `--motion`: how many `transits` were found, how many of these are `straight`, and the `seconds`"""
 
 
 class Decision(_Document):

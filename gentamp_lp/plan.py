@@ -17,7 +17,11 @@ from gentamp_lp.task import Instance
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan for one instance: its steps, the sampled values they use, and the facts certified of these."""
+    """A plan for one instance: its steps, the sampled values they use, and the facts certified of these.
+
+    `transits` are the motions that lead to the beginning of each step, if they were planned: waypoints as lists of
+    numbers, which the domain's `check_plan` understands.
+    """
 
     task: str
     size: str
@@ -26,6 +30,7 @@ class Plan:
     steps: tuple[Step, ...]
     entities: dict[str, dict[str, Any]]
     facts: tuple[Fact, ...]
+    transits: tuple[Any, ...] | None = None
 
     @classmethod
     def of(cls, instance: Instance, steps: Sequence[Step]) -> Plan:
@@ -62,6 +67,7 @@ class Plan:
             "steps": [{"action": s.schema, "args": list(s.args)} for s in self.steps],
             "entities": self.entities,
             "facts": [list(fact) for fact in self.facts],
+            **({} if self.transits is None else {"transits": list(self.transits)}),
         }
 
     def save(self, path: Path) -> None:
@@ -83,6 +89,7 @@ class Plan:
                 tuple(Step(str(s["action"]), tuple(map(str, s["args"]))) for s in data["steps"]),
                 dict(data["entities"]),
                 tuple(tuple(map(str, fact)) for fact in data["facts"]),
+                tuple(data["transits"]) if "transits" in data else None,
             )
         except OSError as error:
             raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None

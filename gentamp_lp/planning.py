@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gentamp_lp.compile import constrained_domain, original_step
@@ -45,6 +45,7 @@ class Solved:
     limited: bool = False
     stuck: str | None = None
     engine: str = "embedded"
+    motion: dict[str, float] | None = None
 
     @property
     def valid(self) -> bool:
@@ -76,6 +77,7 @@ class Solved:
             "streams": {name: {"calls": s.calls, "successes": s.successes} for name, s in statistics.items()},
             "plan_length": len(self.plan.steps) if self.plan else None,
             "plan": [[s.schema, *s.args] for s in self.plan.steps] if self.plan else None,
+            "motion": self.motion,
         }
 
 
@@ -90,6 +92,7 @@ def solve(
     algorithm: str | None = None,
     engine: str = "embedded",
     time_limit: float = 120.0,
+    motion: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Solved:
     """Plan one instance and validate the plan: guided when a policy is given, else unguided.
@@ -97,8 +100,12 @@ def solve(
     With a `skeleton`, the names of the plan's actions in order, only their arguments are searched for. `time_limit`
     (seconds) covers planning; drawing the instance, validating the plan and replaying its streams come on top. Raises
     NoAnswer when the instance cannot be drawn, InputError for a bad size or an unknown action. Without a policy,
-    `algorithm` and `engine` say how.
+    `algorithm` and `engine` say how. `motion`: plan what the arm does between the steps, too (the domain's
+    `plan_transits`), in another `time_limit`; without that there is no plan.
     """
+    if motion and not hasattr(task.folder.code, "plan_transits"):
+        missing = Diagnostic(f"the domain `{task.folder.path.name}` plans no transits", hint="leave out --motion")
+        raise InputError(missing)
     if policy is not None and engine != "embedded":
         raise InputError(Diagnostic("only the embedded engine follows policies", hint="add --mode unguided"))
     if engine == "pddlstream":
@@ -129,11 +136,43 @@ def solve(
     seconds = time.perf_counter() - start
     if steps is None:
         return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine)
+    plan, moved = Plan.of(instance, steps), None
+    if motion:
+        plan, moved, failure = _with_transits(plan, instance, time_limit, progress)
+        if failure is not None:
+            reason, limited = str(failure), isinstance(failure, LimitReached)
+            return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine, moved)
     start = time.perf_counter()
-    plan = Plan.of(instance, steps)
     problems = validate(plan, task)
     checked, floor = time.perf_counter() - start, stream_floor(instance, steps)
-    return Solved(instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck, engine=engine)
+    return Solved(
+        instance, mode, planner, seconds, checked, floor, plan, problems, stuck=stuck, engine=engine, motion=moved
+    )
+
+
+def _with_transits(
+    plan: Plan, instance: Instance, time_limit: float, progress: Callable[[str], None]
+) -> tuple[Plan, dict[str, float], NoAnswer | LimitReached | None]:
+    """Return the plan with what the arm does between its steps, how that went, and why it could not be found."""
+    start, found = time.monotonic(), []
+    failure: NoAnswer | LimitReached | None = None
+    steps = [(step.schema, step.args) for step in plan.steps]
+    plan_transits = instance.task.folder.code.plan_transits
+    try:
+        for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, start + time_limit):
+            found.append(move)
+            if not move.straight:
+                progress(f"transit to step {len(found)} of {len(steps)}: {len(move.waypoints)} waypoints")
+    except (NoAnswer, LimitReached) as error:
+        failure = error
+    straight = sum(move.straight for move in found)
+    seconds = round(time.monotonic() - start, 4)
+    transits = tuple(move.waypoints.tolist() for move in found)
+    return (
+        replace(plan, transits=transits),
+        {"transits": len(found), "straight": straight, "seconds": seconds},
+        failure,
+    )
 
 
 def skeleton_of(task: Task, size: int | str, seed: int, policy: Policy, *, robot: str | None = None) -> list[str]:

@@ -116,7 +116,8 @@ def _planned(policy: Policy, task: Task, plan: Plan) -> dict[str, Any]:
         return _run(title, states)
     instance = task.instance(plan.size, plan.seed, robot=plan.robot)
     adopt(plan, instance)
-    made = animate(instance.world, [(step.schema, step.args) for step in plan.steps], instance.base.values)
+    transits = () if plan.transits is None else (plan.transits,)
+    made = animate(instance.world, [(step.schema, step.args) for step in plan.steps], instance.base.values, *transits)
     camera = {"eye": made.camera.eye, "target": made.camera.target, "angle": made.camera.angle}
     return _run(title, states, {"viewer": made.viewer, "frames": made.frames, "camera": camera})
 

@@ -37,7 +37,10 @@ def validate(plan: Plan, task: Task) -> list[str]:
     if not _goal_holds(instance, state):
         problems.append("the goal does not hold after the last step")
     steps = [(step.schema, step.args) for step in plan.steps]
-    problems += task.folder.code.check_plan(instance.world, steps, instance.base.values)
+    if plan.transits is not None and not hasattr(task.folder.code, "plan_transits"):
+        return [*problems, f"the domain `{task.folder.path.name}` has no transits"]
+    transits = () if plan.transits is None else (plan.transits,)
+    problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *transits)
     return problems
 
 

@@ -3,6 +3,7 @@
 from .plans import animate_plan, check_facts, check_plan, decode, encode, render_plan
 from .samplers import stream_map
 from .scene import Scene, World, make_world
+from .transits import plan_transits
 
 __all__ = [
     "Scene",
@@ -13,6 +14,7 @@ __all__ = [
     "decode",
     "encode",
     "make_world",
+    "plan_transits",
     "render_plan",
     "stream_map",
 ]

@@ -17,7 +17,7 @@ from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.render import MOVIE, STILL, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay, State
-from gentamp_lp.geometry.robots import STANDOFF, Trajectory
+from gentamp_lp.geometry.robots import STANDOFF, Robot, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
 
@@ -26,7 +26,11 @@ from .samplers import Reach
 from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
-_FINE, _TURN, _MOST = 0.01, 0.1, 100  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
+_SMALL_TURN = (
+    0.02  # between approaches, the longest move (rad, m) of a joint from one replayed configuration to the next
+)
+_JOINED = 1e-6  # (rad, m) how far the ends of a transit may be from the motions it joins
+_FINE, _TURN, _MOST = 0.01, 0.1, 300  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
 _LARGEST = 1000.0  # metres or radians in a plan; beyond, the collision checkers' arithmetic breaks down
 _MARGIN = 0.03  # a region is drawn so much wider than the area for the centres of things
 
@@ -174,7 +178,7 @@ def _distance(first: Array, second: Array) -> float:
 
 def _same_place(first: Array, second: Array) -> bool:
     """Whether two base poses are the same but for full turns."""
-    metres, radians = difference(*(pose(x, y, 0.0, yaw) for x, y, yaw in (first, second)))
+    metres, radians = difference(*(pose(x, y, 0.0, yaw) for x, y, yaw in (first[:3], second[:3])))
     return metres <= POSITION and radians <= ANGLE
 
 
@@ -190,13 +194,21 @@ def _inside(world: World, support: str, placement: Placement) -> bool:
     return bool(x0 - POSITION <= x <= x1 + POSITION and y0 - POSITION <= y <= y1 + POSITION)
 
 
-def check_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -> list[str]:
-    """Replay a plan in PyBullet; returns what is wrong with it, nothing when it is sound."""
-    return _replay(world, steps, values, None)
+def check_plan(
+    world: World, steps: Sequence[Step], values: Mapping[str, Any], transits: Sequence[Any] | None = None
+) -> list[str]:
+    """Replay a plan, with its transits if it has any, in PyBullet; returns what is wrong, nothing when it is sound."""
+    if transits is not None and len(transits) != len(steps):
+        return [f"the plan has {len(transits)} transits for {len(steps)} steps"]
+    return _replay(world, steps, values, transits, None)
 
 
 def _replay(
-    world: World, steps: Iterable[Step], values: Mapping[str, Any], watch: Callable[[State], object] | None
+    world: World,
+    steps: Iterable[Step],
+    values: Mapping[str, Any],
+    transits: Sequence[Any] | None,
+    watch: Callable[[State], object] | None,
 ) -> list[str]:
     supports = {fact[1]: fact[3] for fact in world.static if fact[0] == "pose"}
     with Replay(world.robot, watch, tables=world.tables, base=world.base.place) as replay:
@@ -204,12 +216,14 @@ def _replay(
             replay.add(name, world.shapes[name], placement.transform, _support(world, supports[name]))
         if watch is not None:
             watch(replay.state())
-        for action, args in steps:
+        for number, (action, args) in enumerate(steps):
+            if transits is not None:
+                _transit(replay, f"transit to step {number + 1}", transits[number], motion(world, values[args[-1]]))
             if action in ("carry", "move"):
-                replay.move(values[args[-1]].trajectory(world.robot), label=action)
+                replay.move(motion(world, values[args[-1]]), label=action)
                 continue
             name, where, support, _, grasp, _, reach = args
-            path = values[reach].trajectory if watch else _dense(world, values[reach].trajectory)
+            path = values[reach].trajectory if watch else _dense(world.robot, values[reach].trajectory)
             if action == "pick":
                 replay.pick(name, path, values[grasp])
                 continue
@@ -221,20 +235,48 @@ def _replay(
         return list(replay.violations)
 
 
-def _dense(world: World, trajectory: Trajectory) -> Trajectory:
+def motion(world: World, value: Reach | rooms.Way) -> Trajectory:
+    """The motion of a step, to or from its last configuration in the case of a reach."""
+    return value.trajectory if isinstance(value, Reach) else value.trajectory(world.robot)
+
+
+def _transit(replay: Replay, label: str, rows: Any, following: Trajectory) -> None:
+    """Move the arm to where a motion begins; the base, wherever it is, stands still."""
+    robot, goal = replay.robot, following.configurations[0]
+    try:
+        path = _path(rows, len(robot.home))
+    except (TypeError, ValueError) as error:
+        replay.violations.append(f"{label}: {error}")
+        return
+    first, base = replay.configuration, 3 * robot.mobile
+    joined = np.allclose(path[0, base:], first[base:], atol=_JOINED) and np.allclose(path[-1], goal, atol=_JOINED)
+    if not joined or (base and not (_same_place(path[0], first) and (path[:, :3] == goal[:3]).all())):
+        replay.violations.append(f"{label}: it does not lead from the end of the last motion to the next")
+        return
+    whole = Trajectory(path, following.opening)
+    replay.move(whole if replay.watch else _dense(robot, whole, _SMALL_TURN), label=label, apart=True)
+
+
+def _dense(robot: Robot, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
     """The trajectory with configurations in between, so that nothing is jumped over."""
     path = [trajectory.configurations[0]]
     for after in trajectory.configurations[1:]:
-        tools = world.robot.tools(np.array([path[-1], after]))
-        pieces = max(difference(*tools)[0] / _FINE, float(np.abs(after - path[-1]).max()) / _TURN)
-        path += [*world.robot.between(path[-1], after, min(math.ceil(pieces) - 1, _MOST)), after]
+        tools = robot.tools(np.array([path[-1], after]))
+        pieces = max(difference(*tools)[0] / _FINE, float(np.abs(after - path[-1]).max()) / turn)
+        path += [*robot.between(path[-1], after, min(math.ceil(pieces) - 1, _MOST)), after]
     return Trajectory(np.array(path), trajectory.opening)
 
 
-def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], path: Path) -> None:
+def render_plan(
+    world: World,
+    steps: Sequence[Step],
+    values: Mapping[str, Any],
+    path: Path,
+    transits: Sequence[Any] | None = None,
+) -> None:
     """Write a GIF of the plan, or for a `.png` its first state beside its last."""
     states: list[State] = []
-    _replay(world, steps, values, states.append)
+    _replay(world, steps, values, transits, states.append)
     mats = _mats(world)
     shapes = world.shapes | {name: shape for name, (shape, _) in mats.items()}
     where = {name: place for name, (_, place) in mats.items()}
@@ -250,7 +292,9 @@ def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], 
         save_movie(images, path, seconds=0.08)
 
 
-def animate_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any]) -> Animation:
+def animate_plan(
+    world: World, steps: Sequence[Step], values: Mapping[str, Any], transits: Sequence[Any] | None = None
+) -> Animation:
     """The plan for a viewer in three dimensions: the moments before the first step, and of each step."""
     moments: list[list[State]] = [[]]
 
@@ -259,7 +303,7 @@ def animate_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any])
             moments.append([])
             yield step
 
-    _replay(world, begun(), values, lambda state: moments[-1].append(state))
+    _replay(world, begun(), values, transits, lambda state: moments[-1].append(state))
     return animate(world.robot, world.shapes, moments, _view(world, STILL), world.tables, _mats(world).values())
 
 

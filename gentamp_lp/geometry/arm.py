@@ -16,7 +16,7 @@ from gentamp_lp.geometry.chain import Chain, read_chain
 from gentamp_lp.geometry.description import Bodies, Description
 from gentamp_lp.geometry.gripper import approach_poses
 from gentamp_lp.geometry.robots import STEPS, Robot, Trajectory
-from gentamp_lp.geometry.transforms import Array, inverse
+from gentamp_lp.geometry.transforms import Array, Bools, inverse
 
 SEEDS = 6
 """Random restarts of inverse kinematics that are polished together."""
@@ -130,6 +130,27 @@ class Arm(Robot):
                     return Trajectory(configurations, opening)
         return None
 
+    def near(self, configurations: Array, tools: Array) -> tuple[Array, Bools]:
+        """Polish configurations by damped least squares."""
+        return self.chain.solve(tools, configurations, iterations=POLISH_ITERATIONS, tolerance=TOLERANCE)
+
+    def anywhere(self, first: Array, last: Array, rng: np.random.Generator) -> Array:
+        """Return joints uniform within their limits (a full turn where there are none)."""
+        return rng.uniform(self._from, self._to)
+
+    def fault(self, configurations: Array, opening: float) -> tuple[int, str] | None:
+        """Return the first configuration beyond the limits, in the table or in the robot itself, and why."""
+        frames = self.frames(configurations, opening)
+        beyond = ~self.chain.within(configurations)
+        low = self.heights(frames) <= 0
+        found = [(int(np.argmax(mask)), why) for mask, why in (
+            (beyond, "a joint is beyond its limits"), (low, "the robot touches the table")) if mask.any()]  # fmt: skip
+        until = min((step for step, _ in found), default=len(frames))
+        own = self._self_collision(frames[:until])
+        if own is not None:
+            return own[0], f"the robot's {self.links[own[1]].name} touches its {self.links[own[2]].name}"
+        return min(found, default=None)
+
     def _solutions(self, tool_pose: Array, rng: np.random.Generator) -> Array:
         """Return distinct configurations (n, dof) within the limits whose tool is at a pose; n may be 0."""
         restarts, iterations = self.description.restarts, SEED_ITERATIONS
@@ -157,18 +178,18 @@ class Arm(Robot):
     def _clear(self, configurations: Array, opening: float) -> bool:
         """Tell whether the robot touches neither the table nor itself in any configuration (n, dof)."""
         frames = self.frames(configurations, opening)
-        return self.above_table(frames) and not self._self_collision(frames)
+        return self.above_table(frames) and self._self_collision(frames) is None
 
-    def _self_collision(self, frames: Array) -> bool:
-        """Tell whether links collide with each other in any of the poses (n, links, 4, 4)."""
+    def _self_collision(self, frames: Array) -> tuple[int, int, int] | None:
+        """Return the first of the poses (n, links, 4, 4) in which two links collide, and the two, or None."""
         centres = np.einsum("nlij,lj->nli", frames[:, :, :3, :3], self._centres) + frames[:, :, :3, 3]
         apart = centres[:, self._first] - centres[:, self._second]
         near = (apart * apart).sum(axis=2) < self._contact
         for step, pair in zip(*np.nonzero(near), strict=True):
             first, second = (self._placed(int(i), frames[step, i]) for i in self._pairs[pair])
             if fcl.collide(first, second, fcl.CollisionRequest(), fcl.CollisionResult()):
-                return True
-        return False
+                return int(step), *self._pairs[pair]
+        return None
 
     def _placed(self, index: int, frame: Array) -> fcl.CollisionObject:
         """Return a link at a pose as an FCL object."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from gentamp_lp.geometry.assets import data_path
 from gentamp_lp.geometry.robots import STANDOFF, STEPS, Link, Robot, Trajectory
-from gentamp_lp.geometry.transforms import Array, quaternion, rotation
+from gentamp_lp.geometry.transforms import Array, Bools, pose, quaternion, rotation
 
 TOOL = 0.105
 """Distance (m) of the tool origin from the hand's frame along the approach."""
@@ -19,6 +19,9 @@ KNUCKLE = 0.0584
 
 OPENING = 0.08
 """Largest finger distance (m)."""
+
+AROUND = 0.3
+"""How far (m) beyond the ends of a motion the hand looks for a way round."""
 
 _BACK = np.linspace(-STANDOFF, 0.0, STEPS + 1)
 
@@ -87,10 +90,35 @@ class Gripper(Robot):
 
     def between(self, first: Array, second: Array, count: int) -> Array:
         """Return configurations between two, with unit quaternions along the shorter turn."""
-        near = second * np.array([1.0, 1.0, 1.0, *([math.copysign(1.0, first[3:] @ second[3:])] * 4)])
-        result = super().between(first, near, count)
+        result = super().between(first, self.alike(first, second), count)
         result[:, 3:] /= np.linalg.norm(result[:, 3:], axis=1, keepdims=True)
         return result
+
+    def alike(self, first: Array, second: Array) -> Array:
+        """Return a configuration with the one of its two quaternions that is nearer to another's."""
+        return np.concatenate([second[:3], second[3:] * math.copysign(1.0, first[3:] @ second[3:])])
+
+    def near(self, configurations: Array, tools: Array) -> tuple[Array, Bools]:
+        """Return the configurations of tool poses, with quaternions on the side of the given ones."""
+        turns = np.array([quaternion(tool) for tool in tools])
+        turns *= np.where((turns * configurations[:, 3:]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        return np.hstack([tools[:, :3, 3], turns]), np.hypot(*tools[:, :2, 3].T) <= self.furthest
+
+    def anywhere(self, first: Array, last: Array, rng: np.random.Generator) -> Array:
+        """Return a position in the box around both ends and `AROUND` wider, above the table, with the tool as at
+        one of the ends but for a turn about the vertical.
+        """
+        ends = np.array([first[:3], last[:3]])
+        lower = np.maximum(ends.min(axis=0) - AROUND, [-np.inf, -np.inf, 0.0])
+        turned = pose(yaw=rng.uniform(-math.pi, math.pi)) @ self.tool((first, last)[rng.integers(2)])
+        return np.concatenate([rng.uniform(lower, ends.max(axis=0) + AROUND), quaternion(turned)])
+
+    def fault(self, configurations: Array, opening: float) -> tuple[int, str] | None:
+        """Return the first configuration that is too far away or in the table, and why."""
+        far = np.flatnonzero(np.hypot(*configurations[:, :2].T) > self.furthest)
+        found = [(int(far[0]), "the hand is too far away")] if len(far) else []
+        low = super().fault(configurations, opening)
+        return min([*found, low] if low else found, default=None)
 
     def reach(self, tool_pose: Array, opening: float, rng: np.random.Generator) -> Trajectory | None:
         """Return the straight approach to a tool pose, None when it would touch the table or is too far away."""

@@ -11,7 +11,7 @@ import numpy as np
 from gentamp_lp.geometry.description import Drive
 from gentamp_lp.geometry.gripper import block
 from gentamp_lp.geometry.robots import Robot, Trajectory
-from gentamp_lp.geometry.transforms import Array, inverse, pose
+from gentamp_lp.geometry.transforms import Array, Bools, inverse, pose
 
 BACK = 0.35
 """How far (m) the base backs off before it goes elsewhere."""
@@ -80,6 +80,24 @@ class Mobile(Robot):
         base = super().between(first[:3], second[:3], count)
         return np.hstack([base, self.arm.between(first[3:], second[3:], count)])
 
+    def near(self, configurations: Array, tools: Array) -> tuple[Array, Bools]:
+        """Return configurations whose arm has its tool at poses in the world; the base stays."""
+        inside = np.array([inverse(place) for place in _places(configurations)]).reshape(-1, 4, 4) @ tools
+        found, solved = self.arm.near(configurations[:, 3:], inside)
+        return np.hstack([configurations[:, :3], found]), solved
+
+    def alike(self, first: Array, second: Array) -> Array:
+        """Return a configuration with the arm in the form nearest to another's."""
+        return np.concatenate([second[:3], self.arm.alike(first[3:], second[3:])])
+
+    def anywhere(self, first: Array, last: Array, rng: np.random.Generator) -> Array:
+        """Return a random configuration of the arm on the base where it is."""
+        return np.concatenate([first[:3], self.arm.anywhere(first[3:], last[3:], rng)])
+
+    def fault(self, configurations: Array, opening: float) -> tuple[int, str] | None:
+        """Return what the arm finds wrong, its table being everywhere around the base."""
+        return self.arm.fault(configurations[:, 3:], opening)
+
 
 def drive(first: Array, last: Array) -> Array:
     """Return base poses (n, 3: x, y, yaw) from one to another: back off, cross and turn, come in again."""
@@ -99,4 +117,4 @@ def _behind(base: Array) -> Array:
 
 def _places(configurations: Array) -> Array:
     """Return the base's poses (n, 4, 4)."""
-    return np.array([pose(x, y, 0.0, yaw) for x, y, yaw in configurations[:, :3]])
+    return np.array([pose(x, y, 0.0, yaw) for x, y, yaw in configurations[:, :3]]).reshape(-1, 4, 4)

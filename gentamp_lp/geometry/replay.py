@@ -37,7 +37,8 @@ BASE_STEP, BASE_TURN = 0.051, 0.101
 
 TABLE = "table"
 
-_SLAB = 0.10  # thickness of the table
+SLAB = (box(4.0, 4.0, 0.10), pose(0.0, 0.0, -0.10))
+"""The table of a robot that does not drive, with its pose: as good as without end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ class Replay(Closing):
         self._world = Bullet()
         self._model = load_model(self._world, robot)
         self._model.set(self.configuration, self.opening)
-        self._tables = list(tables) or [(box(4.0, 4.0, _SLAB), pose(0.0, 0.0, -_SLAB))]
+        self._tables = list(tables) or [SLAB]
         self._slabs = [self._world.add(*table) for table in self._tables]
         self._objects: dict[str, _Object] = {}
         self._held: str | None = None
@@ -132,11 +133,14 @@ class Replay(Closing):
 
     # actions
 
-    def move(self, trajectory: Trajectory, *, reverse: bool = False, label: str = "move") -> list[str]:
+    def move(
+        self, trajectory: Trajectory, *, reverse: bool = False, label: str = "move", apart: bool = False
+    ) -> list[str]:
         """Step through the configurations of a trajectory, backwards if asked, and return the new violations.
 
-        A held object and all that stands on it move along. The way from the previous configuration to the
-        first of the trajectory is not checked: a plan that leaves out transit motions leaves them out here.
+        A held object and all that stands on it move along; `apart`: they must not touch the arm that holds them. The
+        way from the previous configuration to the first of the trajectory is not checked: a plan that leaves out
+        transit motions leaves them out here.
         """
         first = self._begin(label)
         path = trajectory.configurations[::-1] if reverse else trajectory.configurations
@@ -160,6 +164,8 @@ class Replay(Closing):
             carried = self._carry(tool)
             self._check_objects(carried)
             self._check_robot(carried)
+            if apart:
+                self._check_arm(carried)
             if self.watch is not None:
                 self.watch(self.state())
         return self.violations[first:]
@@ -291,6 +297,15 @@ class Replay(Closing):
                 if found:
                     link = self._model.names[piece, found[0]]
                     self._note(f"the robot's {link} is {1000 * found[1]:.1f} mm inside {name}")
+
+    def _check_arm(self, carried: list[str]) -> None:
+        """Note overlaps of what is carried with links of the robot other than the hand."""
+        hand = {self.robot.links[index].name for index in self.robot.hand}
+        for piece in self._model.pieces:
+            for name in carried:
+                for link, distance, _ in self._world.closest(piece, self._objects[name].body, 0.0):
+                    if distance < -PENETRATION and self._model.names[piece, link] not in hand:
+                        self._note(f"{name} is {-1000 * distance:.1f} mm inside the {self._model.names[piece, link]}")
 
     def _with_tables(self, obstacles: dict[str, int]) -> list[tuple[str, int]]:
         return [*((TABLE, slab) for slab in self._slabs), *obstacles.items()]

@@ -15,7 +15,7 @@ from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.collision import Geometry, Swept, convex, placed
 from gentamp_lp.geometry.grasping import Approach, Grasp, grasps
 from gentamp_lp.geometry.shapes import Shape
-from gentamp_lp.geometry.transforms import Array, inverse
+from gentamp_lp.geometry.transforms import Array, Bools, inverse
 
 if TYPE_CHECKING:
     from gentamp_lp.geometry.description import Description
@@ -123,6 +123,25 @@ class Robot(ABC):
         share = np.arange(1, count + 1)[:, None] / (count + 1)
         return np.asarray(first + share * (second - first))
 
+    # motions in free space
+
+    @abstractmethod
+    def near(self, configurations: Array, tools: Array) -> tuple[Array, Bools]:
+        """Return configurations (n, dof) near the given ones with the tools at 4×4 poses (n, 4, 4), and which do it."""
+
+    def alike(self, first: Array, second: Array) -> Array:
+        """Return `second` in the form nearest to `first`, of those that stand for the same configuration (dof,)."""
+        return second
+
+    @abstractmethod
+    def anywhere(self, first: Array, last: Array, rng: np.random.Generator) -> Array:
+        """Return a random configuration (dof,) to make a detour by; the base of a mobile robot stays at `first`."""
+
+    def fault(self, configurations: Array, opening: float) -> tuple[int, str] | None:
+        """Return the first of configurations (n, dof) that is impossible even in an empty room, and why, or None."""
+        low = np.flatnonzero(self.heights(self.frames(configurations, opening)) <= 0)
+        return (int(low[0]), "the robot touches the table") if len(low) else None
+
     # grasping
 
     def grasps(self, shape: Shape, approach: Approach = "top") -> Iterator[Grasp]:
@@ -192,14 +211,17 @@ class Robot(ABC):
 
     def above_table(self, frames: Array) -> bool:
         """Tell whether all moving links, posed by `frames` (n, links, 4, 4), stay above the table."""
+        return all(heights.min() > 0 for heights in self._heights(frames))
+
+    def heights(self, frames: Array) -> Array:
+        """Return how high (m) the lowest point of the moving links is, posed by `frames` (n, links, 4, 4)."""
+        return np.asarray(np.min(list(self._heights(frames)), axis=0))
+
+    def _heights(self, frames: Array) -> Iterator[Array]:
         for index in range(len(self.links)):
-            if index in self.mounted:
-                continue
-            rows = frames[:, index, 2]
-            heights = rows[:, :3] @ self.links[index].vertices.T + rows[:, 3:]
-            if heights.min() <= 0:
-                return False
-        return True
+            if index not in self.mounted:
+                rows = frames[:, index, 2]
+                yield (rows[:, :3] @ self.links[index].vertices.T).min(axis=1) + rows[:, 3]
 
 
 DESCRIPTIONS = Path(__file__).parent / "descriptions"
