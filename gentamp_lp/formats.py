@@ -235,6 +235,8 @@ class PlanFile(_Document):
     """sampled values by name, written by the domain's own `encode`; lengths in metres, angles in radians"""
     facts: list[list[str]]
     """predicate and arguments"""
+    transits: list[list[list[float]]] | None = None
+    """with `--motion`: the way to the beginning of each step, as waypoints in the robot's configuration"""
 
 
 class CertificateRule(_Document):

@@ -70,6 +70,15 @@ def test_learn_and_its_bundle(learned, tmp_path):
         validator("learn").validate({key: value for key, value in document.items() if key != "optimal"})
 
 
+def test_a_plan_with_transits(unstack, tmp_path):
+    result = solve(unstack.task, 3, policy=unstack.policy, motion=True)
+    assert result.plan is not None
+    result.plan.save(tmp_path / "plan.json")
+    written = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
+    assert len(written["transits"]) == len(written["steps"])
+    validator("plan").validate(written)
+
+
 def test_solve_with_and_without_a_plan(unstack):
     task = Task.load("unstack")
     for size, limit in ((4, 60), (30, 0.1)):
