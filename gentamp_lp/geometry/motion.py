@@ -17,8 +17,11 @@ from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import Array, Bools, difference
 
-METRES, RADIANS = 0.005, 0.02
-"""Longest move (m, of the tool; rad or m, of a joint) between two configurations that are tested."""
+METRES, RADIANS = 0.002, 0.008
+"""Longest move (m, of the tool; rad or m, of a joint) between two configurations that are tested.
+
+So corners passed between them are cut by less than the depth that the replay lets pass; with 5 mm they were not always.
+"""
 
 ROUNDS = 1000
 """Extensions of both trees before a motion is given up."""
@@ -26,7 +29,7 @@ ROUNDS = 1000
 SHORTCUTS = 40
 """Pairs of configurations between which the straight line is tried."""
 
-_JUMP = 4 * RADIANS  # a larger change from one levelled configuration to the next is a jump between branches
+_JUMP = 10 * RADIANS  # a larger change from one levelled configuration to the next is a jump between branches
 _EXACT = 1e-4  # (rad, m) how far waypoints may leave out what is nearly straight
 
 
