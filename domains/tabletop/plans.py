@@ -17,7 +17,7 @@ from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.render import MOVIE, STILL, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay, State
-from gentamp_lp.geometry.robots import STANDOFF, Robot, Trajectory
+from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
 
@@ -218,12 +218,14 @@ def _replay(
             watch(replay.state())
         for number, (action, args) in enumerate(steps):
             if transits is not None:
-                _transit(replay, f"transit to step {number + 1}", transits[number], motion(world, values[args[-1]]))
+                _transit(
+                    world, replay, f"transit to step {number + 1}", transits[number], motion(world, values[args[-1]])
+                )
             if action in ("carry", "move"):
                 replay.move(motion(world, values[args[-1]]), label=action)
                 continue
             name, where, support, _, grasp, _, reach = args
-            path = values[reach].trajectory if watch else _dense(world.robot, values[reach].trajectory)
+            path = values[reach].trajectory if watch else _dense(world, values[reach].trajectory)
             if action == "pick":
                 replay.pick(name, path, values[grasp])
                 continue
@@ -240,9 +242,9 @@ def motion(world: World, value: Reach | rooms.Way) -> Trajectory:
     return value.trajectory if isinstance(value, Reach) else value.trajectory(world.robot)
 
 
-def _transit(replay: Replay, label: str, rows: Any, following: Trajectory) -> None:
+def _transit(world: World, replay: Replay, label: str, rows: Any, following: Trajectory) -> None:
     """Move the arm to where a motion begins; the base, wherever it is, stands still."""
-    robot, goal = replay.robot, following.configurations[0]
+    robot, goal = world.robot, following.configurations[0]
     try:
         path = _path(rows, len(robot.home))
     except (TypeError, ValueError) as error:
@@ -254,16 +256,16 @@ def _transit(replay: Replay, label: str, rows: Any, following: Trajectory) -> No
         replay.violations.append(f"{label}: it does not lead from the end of the last motion to the next")
         return
     whole = Trajectory(path, following.opening)
-    replay.move(whole if replay.watch else _dense(robot, whole, _SMALL_TURN), label=label, apart=True)
+    replay.move(whole if replay.watch else _dense(world, whole, _SMALL_TURN), label=label, apart=True)
 
 
-def _dense(robot: Robot, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
+def _dense(world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
     """The trajectory with configurations in between, so that nothing is jumped over."""
     path = [trajectory.configurations[0]]
     for after in trajectory.configurations[1:]:
-        tools = robot.tools(np.array([path[-1], after]))
+        tools = world.robot.tools(np.array([path[-1], after]))
         pieces = max(difference(*tools)[0] / _FINE, float(np.abs(after - path[-1]).max()) / turn)
-        path += [*robot.between(path[-1], after, min(math.ceil(pieces) - 1, _MOST)), after]
+        path += [*world.robot.between(path[-1], after, min(math.ceil(pieces) - 1, _MOST)), after]
     return Trajectory(np.array(path), trajectory.opening)
 
 
