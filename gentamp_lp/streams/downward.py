@@ -176,7 +176,7 @@ def _search(
     given_up: set[str] = set()
     for string, share, most in turns:
         left = min(most, share * (deadline - time.monotonic()))
-        if string in given_up or left <= 0:
+        if string in given_up:
             continue
         command = [str(binary()), "--search", _bounded(string, max_cost, unit_costs)]
         with (here / "output.sas").open("rb") as task:

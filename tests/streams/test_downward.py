@@ -1,5 +1,6 @@
 """Fast Downward as a subprocess: its answers, its failures, and that nothing stays behind."""
 
+import math
 import os
 import random
 import signal
@@ -144,6 +145,15 @@ def test_limits_of_every_search(
         run()
     assert (tmp_path / "tried").read_text().splitlines() == [*downward.SEARCHES] * turns
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0])
+def test_translating_may_use_up_the_time(seconds: float) -> None:
+    with (
+        downward.translated(*easy(), time_limit=60.0) as planner,
+        pytest.raises(LimitReached, match="no plan within"),
+    ):
+        planner(downward.SEARCHES, seconds, math.inf)
 
 
 def test_a_search_does_not_wait_for_the_others_to_use_up_their_shares(tmp_path: Path, monkeypatch) -> None:
