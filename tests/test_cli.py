@@ -164,7 +164,7 @@ def test_doctor_and_check_find_nothing_wrong(tmp_path):
 
 
 def test_limits_give_exit_code_3(workplace):
-    done = run("solve", "unstack", "--size", "16", "--timeout", "0.1", "--json", cwd=workplace)
+    done = run("solve", "unstack", "--size", "16", "--mode", "unguided", "--timeout", "0.1", "--json", cwd=workplace)
     assert done.returncode == 3 and json.loads(done.stdout)["solved"] is False
 
 
