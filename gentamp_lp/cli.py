@@ -310,8 +310,7 @@ def solve(
     if result.plan is not None and render is not None:
         code, base = loaded.folder.code, result.instance.base
         steps = [(s.schema, s.args) for s in result.plan.steps]
-        transits = () if result.plan.transits is None else (result.plan.transits,)
-        code.render_plan(result.instance.world, steps, base.values, render, *transits)
+        code.render_plan(result.instance.world, steps, base.values, render, *result.plan.transit_args)
         messages.print(f"picture written to {render}")
     if result.stuck is not None:
         record(folder, Failure(result.instance.size, seed, result.instance.robot, result.stuck))

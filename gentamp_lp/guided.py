@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from itertools import chain
 
 from gentamp_lp.errors import LimitReached, NoAnswer
@@ -70,9 +70,14 @@ class _Phases:
         self.known = tuple(p for p in schema.parameters if p in free_variables(early))
         self.early: Query = situation.query(early, (), self.known, lazy=True)
         self.allows: Query = situation.query(early, self.known)
-        self.wishes = Wishes(schema.name, early.parts, late, self.known, schema.parameters, situation)
+        self._wishes = partial(Wishes, schema.name, early.parts, late, self.known, schema.parameters, situation)
         self.failed: set[Args] = set()  # values of `known` that were no use in some state
         self.late: Query = situation.query(And(late), self.known, schema.parameters, lazy=True)
+
+    @cached_property
+    def wishes(self) -> Wishes:
+        """Made at the first dead end: most plans have none to repair."""
+        return self._wishes()
 
 
 def _decisive(schema: ActionSchema) -> set[str]:
@@ -301,8 +306,8 @@ class GuidedPlanner:
         In the former case, the steps after it will be tried again first.
         """
         self._wish, self._hints = None, {}
-        made = {fact: number for number, move in enumerate(moves) for fact in move.added}
-        made = {fact: number for fact, number in made.items() if self._moved[self._given(fact)] < _MOVES}
+        added = ((fact, number) for number, move in enumerate(moves) for fact in move.added)
+        made = {fact: number for fact, number in added if self._moved[self._given(fact)] < _MOVES}
         rule = self.policy.rule_for(self._values.positive())
         if rule is None:
             return len(moves) - 1

@@ -32,6 +32,11 @@ class Plan:
     facts: tuple[Fact, ...]
     transits: tuple[Any, ...] | None = None
 
+    @property
+    def transit_args(self) -> tuple[tuple[Any, ...], ...]:
+        """The last argument of a domain's functions on plans: left out without transits, of which it need not know."""
+        return () if self.transits is None else (self.transits,)
+
     @classmethod
     def of(cls, instance: Instance, steps: Sequence[Step]) -> Plan:
         """Collect what a plan needs from the instance it was found in."""

@@ -116,8 +116,8 @@ def _planned(policy: Policy, task: Task, plan: Plan) -> dict[str, Any]:
         return _run(title, states)
     instance = task.instance(plan.size, plan.seed, robot=plan.robot)
     adopt(plan, instance)
-    transits = () if plan.transits is None else (plan.transits,)
-    made = animate(instance.world, [(step.schema, step.args) for step in plan.steps], instance.base.values, *transits)
+    steps = [(step.schema, step.args) for step in plan.steps]
+    made = animate(instance.world, steps, instance.base.values, *plan.transit_args)
     camera = {"eye": made.camera.eye, "target": made.camera.target, "angle": made.camera.angle}
     return _run(title, states, {"viewer": made.viewer, "frames": made.frames, "camera": camera})
 

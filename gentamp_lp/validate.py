@@ -39,8 +39,7 @@ def validate(plan: Plan, task: Task) -> list[str]:
     steps = [(step.schema, step.args) for step in plan.steps]
     if plan.transits is not None and not hasattr(task.folder.code, "plan_transits"):
         return [*problems, f"the domain `{task.folder.path.name}` has no transits"]
-    transits = () if plan.transits is None else (plan.transits,)
-    problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *transits)
+    problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *plan.transit_args)
     return problems
 
 

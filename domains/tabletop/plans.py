@@ -26,9 +26,7 @@ from .samplers import Reach
 from .scene import COLOURS, Placement, World
 
 Step = tuple[str, Sequence[str]]
-_SMALL_TURN = (
-    0.02  # between approaches, the longest move (rad, m) of a joint from one replayed configuration to the next
-)
+_SMALL_TURN = 0.02  # in transits, the longest move (rad, m) of a joint from one replayed configuration to the next
 _JOINED = 1e-6  # (rad, m) how far the ends of a transit may be from the motions it joins
 _FINE, _TURN, _MOST = 0.01, 0.1, 300  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
 _LARGEST = 1000.0  # metres or radians in a plan; beyond, the collision checkers' arithmetic breaks down

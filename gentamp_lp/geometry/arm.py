@@ -13,6 +13,7 @@ import numpy as np
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.chain import Chain, read_chain
+from gentamp_lp.geometry.collision import at
 from gentamp_lp.geometry.description import Bodies, Description
 from gentamp_lp.geometry.gripper import approach_poses
 from gentamp_lp.geometry.robots import STEPS, Robot, Trajectory
@@ -193,7 +194,7 @@ class Arm(Robot):
 
     def _placed(self, index: int, frame: Array) -> fcl.CollisionObject:
         """Return a link at a pose as an FCL object."""
-        return fcl.CollisionObject(self.links[index].geometry, fcl.Transform(frame[:3, :3], frame[:3, 3]))
+        return at(self.links[index].geometry, frame)
 
 
 def load_urdf(world: Bullet, description: Description) -> int:

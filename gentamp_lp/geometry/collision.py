@@ -47,6 +47,11 @@ def geometry(part: Part) -> Geometry:
     return fcl.Box(*part.size) if part.kind == "box" else fcl.Cylinder(*part.size)
 
 
+def at(solid: Geometry, frame: Array) -> fcl.CollisionObject:
+    """Return a geometry at a 4×4 pose as an FCL object."""
+    return fcl.CollisionObject(solid, fcl.Transform(frame[:3, :3], frame[:3, 3]))
+
+
 def placed(part: Part, pose: Array) -> fcl.CollisionObject:
     """Return a part of an object at `pose` as an FCL object."""
     rotation = pose[:3, :3]

@@ -12,7 +12,7 @@ import fcl
 import numpy as np
 
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.geometry.collision import Geometry, Swept, convex, placed
+from gentamp_lp.geometry.collision import Geometry, Swept, at, convex, placed
 from gentamp_lp.geometry.grasping import Approach, Grasp, grasps
 from gentamp_lp.geometry.shapes import Shape
 from gentamp_lp.geometry.transforms import Array, Bools, inverse
@@ -183,11 +183,7 @@ class Robot(ABC):
         frames = self.frames(trajectory.configurations, trajectory.opening)
         still = np.zeros(frames.shape[:2], dtype=bool)
         still[1:] = (frames[1:] == frames[:-1]).all(axis=(2, 3))
-        solid = [
-            fcl.CollisionObject(self.links[link].geometry, fcl.Transform(frame[:3, :3], frame[:3, 3]))
-            for step, link in np.argwhere(~still)
-            for frame in (frames[step, link],)
-        ]
+        solid = [at(self.links[link].geometry, frames[step, link]) for step, link in np.argwhere(~still)]
         centres = np.concatenate(
             [
                 f[:, :3, :3] @ link.centre + f[:, :3, 3]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import fcl
 import numpy as np
 
-from gentamp_lp.geometry.collision import Geometry, geometry
+from gentamp_lp.geometry.collision import Geometry, at, geometry
 from gentamp_lp.geometry.replay import TABLE
 from gentamp_lp.geometry.robots import Robot
 from gentamp_lp.geometry.shapes import Shape
@@ -44,7 +44,7 @@ class Surroundings:
         self._centres = np.array([link.centre for link in robot.links] + [np.zeros(3)] * len(carried))
         self._radii = np.array([link.radius for link in robot.links] + halves)
         self._obstacles = [name for name, *_ in parts]
-        self._placed = [fcl.CollisionObject(geometry(part), _transform(where)) for _, part, where in parts]
+        self._placed = [at(geometry(part), where) for _, part, where in parts]
         self._inverses = np.array([inverse(where) for *_, where in parts]).reshape(-1, 4, 4)
         self._halves = np.array([_half(part.size) for _, part, _ in parts]).reshape(-1, 3)
         solid = np.array([name == TABLE for name in self._obstacles], dtype=bool)
@@ -72,7 +72,7 @@ class Surroundings:
         beyond = np.maximum(np.abs(seen) - self._halves, 0.0)
         near = ((beyond * beyond).sum(axis=-1) < (self._radii**2)[:, None]) & self._counts
         for step, moving, thing in np.argwhere(near):
-            body = fcl.CollisionObject(self._geometries[moving], _transform(frames[step, moving]))
+            body = at(self._geometries[moving], frames[step, moving])
             if fcl.collide(body, self._placed[thing], _REQUEST, fcl.CollisionResult()):
                 return int(step), f"{self._names[moving]} touches {self._obstacles[thing]}"
         return None
@@ -84,7 +84,7 @@ class Surroundings:
         reach = self._radii[first:, None] + self._radii[self._others]
         for step, part, link in np.argwhere((apart * apart).sum(axis=-1) < reach * reach):
             indices = first + part, self._others[link]
-            pair = [fcl.CollisionObject(self._geometries[i], _transform(frames[step, i])) for i in indices]
+            pair = [at(self._geometries[i], frames[step, i]) for i in indices]
             if fcl.collide(*pair, _REQUEST, fcl.CollisionResult()):
                 return int(step), f"{self._names[indices[0]]} touches {self._names[indices[1]]}"
         return None
@@ -93,7 +93,3 @@ class Surroundings:
 def _half(size: tuple[float, ...]) -> Array:
     """Half the lengths of the box around a part: a cylinder's size is radius and height."""
     return np.array([size[0], size[0], size[1] / 2] if len(size) == 2 else [length / 2 for length in size])
-
-
-def _transform(frame: Array) -> fcl.Transform:
-    return fcl.Transform(frame[:3, :3], frame[:3, 3])

@@ -12,10 +12,8 @@ from itertools import count
 from typing import Any, NamedTuple
 
 INF = float("inf")
-DEBUG, SHARED_DEBUG = (
-    "debug",
-    "shared_debug",
-)  # values of `stream_map`: every stream gives a symbol, every test is passed
+#: Values of `stream_map`: every stream gives a symbol, every test is passed.
+DEBUG, SHARED_DEBUG = "debug", "shared_debug"
 TOTAL_COST = "total-cost"
 
 Outputs = tuple[Any, ...]
