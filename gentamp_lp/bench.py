@@ -21,7 +21,7 @@ from statistics import mean, median, stdev
 from scipy.stats import t as student
 
 from gentamp_lp import __version__
-from gentamp_lp.children import die_with_parent
+from gentamp_lp.children import start
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
 
@@ -108,13 +108,11 @@ def run_job(job: Job) -> Row:
         *MODES[job.mode], "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
     ]  # fmt: skip
     command += ["--robot", job.robot] if job.robot else []
-    process = subprocess.Popen(
+    process = start(
         command,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
         env={**os.environ, **dict.fromkeys(_THREADS, "1"), "NO_COLOR": "1"},
-        preexec_fn=die_with_parent,
     )
     resource.prlimit(process.pid, resource.RLIMIT_AS, (MEMORY, MEMORY))
     _running.add(process)

@@ -23,7 +23,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from gentamp_lp.children import die_with_parent
+from gentamp_lp.children import start
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
 from gentamp_lp.streams.facts import Fact, FactBase, bind, match
 from gentamp_lp.streams.formula import (
@@ -228,7 +228,6 @@ def _read_plan(text: str) -> list[Step]:
 
 def _limits(seconds: float, memory: int) -> Callable[[], None]:
     def prepare() -> None:
-        die_with_parent()
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         whole = max(1, int(seconds) + 1)
         resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
@@ -246,15 +245,14 @@ def _run(
     if seconds <= 0:
         return 23, ""
     seconds = min(seconds, 10**6)  # the operating system knows no infinite limit
-    process = subprocess.Popen(
+    process = start(
         command,
+        _limits(seconds, memory),
         cwd=folder,
         stdin=stdin,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        text=True,
         env={**os.environ, "PYTHONHASHSEED": "0"},
-        preexec_fn=_limits(seconds, memory),
     )
     try:
         output, _ = process.communicate(timeout=seconds)

@@ -228,6 +228,21 @@ def test_interrupting_leaves_no_child(folder: Path, tmp_path: Path, monkeypatch,
         assert list(folder.iterdir()) == []
 
 
+INTERRUPTED_FORK = """
+import os, signal, sys
+sys.path.insert(0, sys.argv[1])
+import test_downward
+os.register_at_fork(after_in_parent=lambda: os.kill(os.getpid(), signal.SIGINT))
+print(test_downward.run())
+"""
+
+
+def test_an_interruption_while_a_child_starts_is_not_lost() -> None:
+    here = str(Path(__file__).parent)
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_FORK, here], capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0 and "KeyboardInterrupt" in done.stderr and done.stdout == ""
+
+
 def _running(pid: int) -> bool:
     try:
         os.kill(pid, 0)
