@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import clingo
 
 from gentamp_lp.errors import InputError, SolverError
+from gentamp_lp.interrupts import Held
 
 Atom = tuple[str, int]
 Clause = Iterable[tuple[Atom, bool]]
@@ -66,10 +67,11 @@ class Program:
             if not file.is_file():
                 raise InputError(f"no such ASP file: {file}")
         try:
-            for file in files:
-                self._control.load(str(file))
-            self._control.add("base", [], facts)
-            self._control.ground([("base", [])])
+            with Held():
+                for file in files:
+                    self._control.load(str(file))
+                self._control.add("base", [], facts)
+                self._control.ground([("base", [])])
         except RuntimeError as error:
             raise SolverError("\n".join([str(error), *self.messages])) from error
         if self._lazy is not None:
@@ -113,8 +115,11 @@ class Program:
 
         deadline = None if limit is None else time.monotonic() + limit
         try:
-            with self._control.solve(list(literals), on_model=model, on_unsat=unsatisfiable, async_=True) as handle:
-                self._wait(handle, deadline, outcome)
+            with (
+                Held() as ctrl_c,  # raised before there is a handle, it leaves a thread behind that ends the process
+                self._control.solve(list(literals), on_model=model, on_unsat=unsatisfiable, async_=True) as handle,
+            ):
+                self._wait(handle, deadline, ctrl_c, outcome)
                 result = handle.get()
                 if result.unsatisfiable and literals:
                     outcome.core = tuple(literals[literal] for literal in handle.core() if literal in literals)
@@ -133,20 +138,16 @@ class Program:
         solvers = self._control.statistics["solving"]["solvers"]
         return {"choices": int(solvers["choices"]), "conflicts": int(solvers["conflicts"]), **counts}
 
-    def _wait(self, handle: clingo.SolveHandle, deadline: float | None, outcome: Outcome) -> None:
+    def _wait(self, handle: clingo.SolveHandle, deadline: float | None, ctrl_c: Held, outcome: Outcome) -> None:
         """Wait for the search to end; cancel it at the deadline, or at Ctrl-C, which keeps what was found."""
-        done = False
-        try:
-            while not done and not outcome.interrupted:
-                done = handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0)))
-                outcome.interrupted = not done and deadline is not None and time.monotonic() >= deadline
-        except KeyboardInterrupt:
-            outcome.interrupted = outcome.by_user = True
-            if not outcome.answers:
-                raise
-        finally:
-            if not done:
+        while not handle.wait(_STEP if deadline is None else min(_STEP, max(deadline - time.monotonic(), 0))):
+            outcome.by_user = ctrl_c.pending
+            outcome.interrupted = outcome.by_user or (deadline is not None and time.monotonic() >= deadline)
+            if outcome.interrupted:
                 handle.cancel()
+                break
+        if outcome.by_user and outcome.answers:
+            ctrl_c.pending = False
 
     def _literal(self, atom: Atom) -> int:
         name, number = atom
@@ -178,10 +179,11 @@ def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -
     messages: list[str] = []
     control = clingo.Control(["--warn=all"], logger=lambda code, message: messages.append(message.strip()))
     try:
-        for file in files:
-            control.load(str(file))
-        control.add("base", [], facts)
-        control.ground([("base", [])])
+        with Held():
+            for file in files:
+                control.load(str(file))
+            control.add("base", [], facts)
+            control.ground([("base", [])])
     except RuntimeError as error:
         raise SolverError("\n".join([str(error), *messages])) from error
     if messages:

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from gentamp_lp import __version__
 from gentamp_lp.errors import Diagnostic, GentampError, InputError, NoAnswer
+from gentamp_lp.interrupts import send_swallowed_again
 
 app = typer.Typer(
     name="gentamp-lp",
@@ -849,6 +850,7 @@ def _options(
 
 def main() -> None:
     """Entry point of the `gentamp-lp` command."""
+    send_swallowed_again()
     try:
         app()
     except GentampError as error:

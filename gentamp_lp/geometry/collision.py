@@ -6,8 +6,6 @@ that touch collide; a gap of `shapes.GAP` does not.
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
@@ -17,6 +15,7 @@ import numpy as np
 
 from gentamp_lp.geometry.shapes import Part, Shape
 from gentamp_lp.geometry.transforms import Array
+from gentamp_lp.interrupts import Held
 
 Geometry: TypeAlias = Any
 """An FCL collision geometry."""
@@ -82,25 +81,6 @@ def hits_table(shape: Shape, pose: Array) -> bool:
     return any(frame[2, 3] - part.below(frame) < 0 for part, frame in frames)
 
 
-class _Uninterrupted:
-    """Puts Ctrl-C off until the end of a `with` block: FCL swallows what is raised while it calls back."""
-
-    def __enter__(self) -> None:
-        self._pending = False
-        self._main = threading.current_thread() is threading.main_thread()  # no other thread runs handlers
-        if self._main:
-            self._previous = signal.signal(signal.SIGINT, self._note)
-
-    def __exit__(self, *_: object) -> None:
-        if self._main:
-            signal.signal(signal.SIGINT, self._previous)
-        if self._pending:
-            signal.raise_signal(signal.SIGINT)
-
-    def _note(self, *_: object) -> None:
-        self._pending = True
-
-
 def _stop_at_first(first: Any, second: Any, data: Any) -> bool:
     """Broadphase callback: true ends the query."""
     if fcl.collide(first, second, data.request, data.result):
@@ -151,7 +131,7 @@ class Swept:
             if ((apart * apart).sum(axis=1) > (self._around[1] + shape.radius) ** 2).all():
                 return False
         managers = self._with_space if envelope else self._managers
-        with _Uninterrupted():
+        with Held():  # FCL swallows what is raised while it calls back
             for part in shape.volumes(envelope=envelope):
                 body = placed(part, pose)
                 for manager in managers:
