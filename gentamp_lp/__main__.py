@@ -1,5 +1,16 @@
-"""`python -m gentamp_lp` is the `gentamp-lp` command."""
+"""The `gentamp-lp` command, also as `python -m gentamp_lp`."""
 
-from gentamp_lp.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Run the command; Ctrl-C ends it quietly while its parts are still being imported, too."""
+    try:
+        from gentamp_lp.cli import main as command
+    except KeyboardInterrupt:
+        sys.exit(130)
+    command()
+
+
+if __name__ == "__main__":
+    main()

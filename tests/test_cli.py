@@ -181,7 +181,7 @@ def test_interrupting_leaves_nothing_half_written(tmp_path, seconds):
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
-    assert process.returncode == 130
+    assert process.returncode in (130, -signal.SIGINT)  # the same to a shell; CPython's own while it imports
     assert "Traceback" not in errors
     if list(tmp_path.iterdir()):
         assert [path.name for path in (tmp_path / "runs").iterdir()] == ["load"]

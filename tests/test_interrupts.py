@@ -74,3 +74,37 @@ def test_ctrl_c_is_not_lost_in_a_finalizer(again):
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.stdout == "") == again
     assert (done.returncode != 0) == again
+
+
+def test_ctrl_c_while_prolog_starts_is_ours():
+    program = (
+        "import signal, sys\n"
+        "import pyswip\n"
+        "from gentamp_lp.prolog import Prolog\n"
+        "class Pressed(pyswip.Prolog):\n"
+        "    def __init__(self):\n"
+        "        super().__init__()\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "pyswip.Prolog = Pressed\n"
+        "try:\n"
+        "    Prolog()\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(130)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_ctrl_c_while_the_command_is_imported_gives_no_traceback():
+    program = (
+        "import signal, sys\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'typer':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "from gentamp_lp.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
