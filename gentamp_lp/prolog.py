@@ -37,8 +37,6 @@ class Prolog:
     """SWI-Prolog in this process. There is one engine a process; use it from the main thread only."""
 
     def __init__(self) -> None:
-        handler = signal.getsignal(signal.SIGINT)  # SWI-Prolog takes it over, and Ctrl-C must stay ours
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             from pyswip import Prolog as Engine
 
@@ -46,10 +44,6 @@ class Prolog:
             self._ask(f"consult({quote(resource('logic', 'bridge.pl'))})")
         except Exception as error:  # pyswip raises anything from OSError to SystemExit's cousins
             raise InputError(Diagnostic(f"SWI-Prolog cannot be started: {error}", hint=_HINT)) from error
-        finally:
-            if threading.current_thread() is threading.main_thread():
-                signal.signal(signal.SIGINT, handler)
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
     def load(self, path: Path) -> list[Diagnostic]:
         """Load a Prolog file and return its errors and warnings."""
