@@ -14,7 +14,7 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, GentampError, InputError
 from gentamp_lp.streams.formula import Atom, Formula, substitute
-from gentamp_lp.streams.language import Generator, WildOutput
+from gentamp_lp.streams.language import Generator, WildOutput, decision
 from gentamp_lp.streams.naming import Names
 from gentamp_lp.streams.pddl import Domain
 from gentamp_lp.streams.stream_file import Stream
@@ -53,13 +53,15 @@ class Relation:
 
     def find(self, positions: tuple[int, ...], values: Args) -> list[Args]:
         """A new list of the tuples that have these values at these positions."""
-        if not positions:
-            return list(self.rows)
+        return list(self.index(positions).get(values, ())) if positions else list(self.rows)
+
+    def index(self, positions: tuple[int, ...]) -> Mapping[Args, list[Args]]:
+        """The tuples by their values at these positions (one at least); kept up to date."""
         if positions not in self._index:
             table = self._index[positions] = {}
             for row in self.rows:
                 table.setdefault(tuple(row[i] for i in positions), []).append(row)
-        return list(self._index[positions].get(values, ()))
+        return self._index[positions]
 
     def matches(self, pattern: tuple[str | None, ...]) -> list[Args]:
         """Tuples that agree with the pattern where it is not None."""
@@ -156,7 +158,7 @@ class FactBase:
         self.streams = tuple(s for s in self.streams if s.kind != "function")
         self._tests: dict[str, _Test] = {}
         self._sorted: set[str] = set()  # test predicates that tell no sorts
-        self._truth: dict[Fact, bool] = {}
+        self._answers: dict[str, dict[Args, bool]] = {}  # of tests, by predicate
         self._sources: dict[tuple[str, Args], _Source] = {}
         self._counts: dict[str, int] = {}
         self._in_state: dict[tuple[str, Args, tuple[Fact, ...]], bool] = {}
@@ -170,6 +172,7 @@ class FactBase:
                 if stream.decides:
                     self.tests[atom.predicate] = stream
                     self._tests[atom.predicate] = _Test.of(stream, atom.args)
+                    self._answers[atom.predicate] = {}
                     if self._says_no_sort(atom, stream):
                         self._sorted.add(atom.predicate)
                 elif stream.decides_in_state:
@@ -214,13 +217,13 @@ class FactBase:
     def truth(self, predicate: str, args: Args) -> bool:
         """Whether a static or certified fact holds; tests are run on demand and remembered."""
         static = self.static
-        if predicate in static and args in static[predicate].rows:
-            return True
         test = self._tests.get(predicate)
         if test is None:
-            return False
-        fact = (predicate, *args)
-        known = self._truth.get(fact)
+            return predicate in static and args in static[predicate].rows
+        answers = self._answers[predicate]
+        known = answers.get(args)
+        if known or (predicate in static and args in static[predicate].rows):
+            return True
         if known is None:
             if not test.plain and match(test.pattern, args, {}) is None:
                 return False
@@ -228,8 +231,12 @@ class FactBase:
                 condition = take(args)
                 if (name not in static or condition not in static[name].rows) and not self.truth(name, condition):
                     return False  # not remembered: another stream may certify the conditions later
-            known = self._truth[fact] = self._run_test(test, args)
+            known = answers[args] = self._run_test(test, args)
         return known
+
+    def answers(self, predicate: str) -> Mapping[Args, bool]:
+        """What the test behind a predicate has said so far; grows."""
+        return self._answers[predicate]
 
     def test_conditions(self, predicate: str, args: Args) -> list[Formula]:
         """What must hold of the arguments before the test behind a predicate is run."""
@@ -240,7 +247,7 @@ class FactBase:
 
     def refuted(self, predicate: str) -> Iterator[Args]:
         """Arguments on which a test predicate was tried and found false."""
-        return (fact[1:] for fact, true in self._truth.items() if not true and fact[0] == predicate)
+        return (args for args, true in self._answers.get(predicate, {}).items() if not true)
 
     def run_test(self, stream: Stream, inputs: Args) -> bool:
         """Run a test on all its inputs (unless that was done)."""
@@ -249,7 +256,7 @@ class FactBase:
 
     def known(self, predicate: str, args: Args) -> bool | None:
         """Whether a test predicate is known to be true or false without running its test."""
-        return True if args in self.relation(predicate) else self._truth.get((predicate, *args))
+        return True if args in self.relation(predicate) else self._answers.get(predicate, {}).get(args)
 
     def cost(self, function: str, args: Args) -> float | None:
         """The value of a function, computed on demand; None where it has none.
@@ -263,7 +270,7 @@ class FactBase:
         binding = dict(zip(stream.inputs, args, strict=True))
         if not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
             return None
-        value = self._ask(function, args, lambda: self.generators[function](*(self.values[name] for name in args)))
+        value = self._ask(function, args, self.generators[function], *(self.values[name] for name in args))
         if not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
             raise InputError(f"function `{function}` gave {value!r}, which is not a number")
         number = float(value)
@@ -275,8 +282,8 @@ class FactBase:
 
     def _run_test(self, test: _Test, args: Args) -> bool:
         inputs = test.inputs(args)
-        generator, values = self.generators[test.stream], map(self.values.__getitem__, inputs)
-        row = self._ask(test.stream, inputs, lambda: next(iter(generator(*values)), None))
+        values = [self.values[name] for name in inputs]
+        row = self._ask(test.stream, inputs, decision, self.generators[test.stream], values)
         if row is None:
             return False
         self.statistics[test.stream].successes += 1
@@ -350,7 +357,7 @@ class FactBase:
         source = self._sources[key]
         if source.exhausted:
             return None
-        outputs = self._ask(stream.name, inputs, lambda: next(source.rows, None))
+        outputs = self._ask(stream.name, inputs, next, source.rows, None)
         source.drawn += 1
         if outputs is None:
             source.exhausted = True
@@ -369,21 +376,21 @@ class FactBase:
         told = [tuple(tuple(self.values[name] for name in names) for names in other) for other in context]
         rows = _rows(partial(self.generators[stream.name], context=told), [self.values[name] for name in inputs])
         for _ in range(limit):
-            row = self._ask(stream.name, inputs, lambda: next(rows, None))
+            row = self._ask(stream.name, inputs, next, rows, None)
             if row is None:
                 return
             if row:
                 self.statistics[stream.name].successes += 1
                 yield self.certify(stream, inputs, row, 0)
 
-    def _ask(self, stream: str, inputs: Args, call: Callable[[], Any]) -> Any:
+    def _ask(self, stream: str, inputs: Args, call: Callable[..., Any], *args: Any) -> Any:
         """Run Python code of the domain: `calling` names it while it runs, and it is timed and counted."""
         statistics = self.statistics[stream]
         statistics.calls += 1
         self.calling = (stream, inputs)
         start = time.perf_counter()
         try:
-            return call()
+            return call(*args)
         except Exception as error:
             raise failed(stream, inputs, error) from error
         finally:
@@ -523,7 +530,8 @@ class FactBase:
             for row in relation.rows:
                 if all(map(keep, row)):
                     rows.add(row)
-        base._truth = {fact: true for fact, true in self._truth.items() if all(map(keep, fact[1:]))}
+        for predicate, answers in self._answers.items():
+            base._answers[predicate] = {args: true for args, true in answers.items() if all(map(keep, args))}
         base._counts = dict(self._counts)
         base._sources = {
             key: _Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted, source.outputs)

@@ -77,6 +77,13 @@ def from_test(test: Callable[..., bool]) -> Generator:
     return _Test(test)
 
 
+def decision(generator: Generator, values: Sequence[Any]) -> Outputs | WildOutput | None:
+    """The first that a test stream gives: None where it fails."""
+    if isinstance(generator, _Test):  # as the generator would, without making one
+        return () if generator.test(*values) else None
+    return next(iter(generator(*values)), None)
+
+
 def negate_test(test: Callable[..., bool]) -> Callable[..., bool]:
     """The opposite of a Boolean function."""
     return lambda *inputs, **more: not test(*inputs, **more)

@@ -8,9 +8,10 @@ joins is fixed when a query is compiled, and variables are places in a list.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property, reduce
+from functools import cached_property
 from itertools import count
 from operator import itemgetter
+from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
 from gentamp_lp.streams.formula import (
@@ -35,6 +36,7 @@ Env = list[str]  # the value of each variable and constant of a query
 Test = Callable[[Env], bool]
 Loop = Callable[[Env], Iterator[None]]  # sets variables of the list, once for each solution
 
+_NONE: list[Args] = []
 _BRANCH, _GENERATE, _TEST_JOIN, _LAST, _NEVER = 1e4, 1e6, 1e7, 1e8, 1e9  # how late to join these
 
 
@@ -105,7 +107,7 @@ class Query:
         """Whether there is a solution for these values of the given variables."""
         check, loop = self._compiled
         env = self._env(args)
-        return check(env) and (loop is None or _any(loop)(env))
+        return check(env) and (loop is None or next(loop(env), self) is None)
 
     def solutions(self, args: Sequence[str] = ()) -> Iterator[Args]:
         """Values of the wanted variables, with repetitions. The situation may change while this is suspended, if it is
@@ -138,12 +140,12 @@ class Query:
         if rest and wanted <= bound:  # one solution is as good as all
             early = all(self._price(goal) < 2 and not self._makes(goal) for goal in rest)  # looked up before tests
             place = sum(self._price(goal) < 2 for goal in decided) if early else len(tests)
-            tests.insert(place, _any(self._scan(rest, bound, wanted)))
+            tests.insert(place, _some(self._scan(rest, bound, wanted)))
         elif rest:
-            loop = self._scan(rest, bound, wanted)
+            loop = _each(self._scan(rest, bound, wanted))
         elif not wanted <= bound:
-            loop = self._everything(min(wanted - bound), [], bound, wanted)
-        return (reduce(_both, tests) if tests else lambda _: True), loop
+            loop = _each(self._everything(min(wanted - bound), [], bound, wanted))
+        return _all(tests), loop
 
     def _flat(self, goal: Formula, bound: frozenset[str]) -> Iterator[Formula]:
         if isinstance(goal, And):
@@ -193,6 +195,9 @@ class Query:
             case Atom(predicate, args):
                 key, contains = self._key(args), self._situation.contains(predicate)
                 return lambda env: contains(key(env))
+            case Not(Atom(predicate, args)) if predicate != "=":
+                key, contains = self._key(args), self._situation.contains(predicate)
+                return lambda env: not contains(key(env))
             case Not(body):
                 inner = self._test(body, bound)
                 return lambda env: not inner(env)
@@ -209,8 +214,8 @@ class Query:
             return lambda env: (env[slot],)
         return itemgetter(*slots) if slots else (lambda _: ())
 
-    def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> Loop:
-        """A loop over the cheapest of the undecided conjuncts, around the others."""
+    def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> list[_Join]:
+        """The cheapest of the undecided conjuncts, joined with the others: one join for each case of a disjunction."""
         ranks = [self._rank(goal, bound) for goal in goals]
         chosen = min(range(len(goals)), key=ranks.__getitem__)
         goal, others = goals[chosen], goals[:chosen] + goals[chosen + 1 :]
@@ -243,22 +248,13 @@ class Query:
                 places = [(i, self._slot(arg)) for arg, i in free.items()]
                 return self._nest(lambda env: rows(key(env)), places, same, others, bound | free.keys(), wanted)
             case Or(parts):
-                branches = [self._compile([part, *others], bound, wanted) for part in parts]
-
-                def either(env: Env) -> Iterator[None]:
-                    for check, loop in branches:
-                        if check(env):
-                            if loop is None:
-                                yield
-                            else:
-                                yield from loop(env)
-
-                return either
+                cases = [self._compile([part, *others], bound, wanted) for part in parts]
+                return [_Join(lambda _: [()], [], [], check, loop) for check, loop in cases]
         raise AssertionError(f"not normalized: {goal}")
 
     def _guarded(
         self, conditions: list[Atom], goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]
-    ) -> Loop:
+    ) -> list[_Join]:
         """The goals, with the conditions of a test stream joined first."""
         return self._nest(lambda _: [()], [], [], [*conditions, *goals], bound, wanted)
 
@@ -270,24 +266,12 @@ class Query:
         goals: list[Formula],
         bound: frozenset[str],
         wanted: frozenset[str],
-    ) -> Loop:
-        check, loop = self._compile(goals, bound, wanted)
+    ) -> list[_Join]:
+        return [_Join(rows, places, same, *self._compile(goals, bound, wanted))]
 
-        def run(env: Env) -> Iterator[None]:
-            for row in rows(env):
-                for position, slot in places:
-                    env[slot] = row[position]
-                if same and any(row[i] != row[j] for i, j in same):
-                    continue
-                if check(env):
-                    if loop is None:
-                        yield
-                    else:
-                        yield from loop(env)
-
-        return run
-
-    def _everything(self, variable: str, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> Loop:
+    def _everything(
+        self, variable: str, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]
+    ) -> list[_Join]:
         """Only negations say something of the variable: it ranges over all entities."""
         self._everywhere = True
         values = self._situation.base.values
@@ -312,17 +296,75 @@ class Query:
         return _BRANCH
 
 
-def _both(first: Test, second: Test) -> Test:
-    return lambda env: first(env) and second(env)
+class _Join(NamedTuple):
+    """Rows that set variables at (position, slot) `places`, equal at `same` positions, and what is asked of each."""
+
+    rows: Callable[[Env], Iterable[Args]]
+    places: list[tuple[int, int]]
+    same: list[tuple[int, int]]
+    check: Test
+    loop: Loop | None
 
 
-def _any(loop: Loop) -> Test:
+def _each(joins: list[_Join]) -> Loop:
+    """A loop over all solutions."""
+
+    def run(env: Env) -> Iterator[None]:
+        for rows, places, same, check, loop in joins:
+            for row in rows(env):
+                for position, slot in places:
+                    env[slot] = row[position]
+                if same and any(row[i] != row[j] for i, j in same):
+                    continue
+                if check(env):
+                    if loop is None:
+                        yield
+                    else:
+                        yield from loop(env)
+
+    return run
+
+
+def _some(joins: list[_Join]) -> Test:
+    """Whether there is a solution, of joins without loops; no generator is made for it."""
+    if len(joins) > 1:
+        one, others = _some(joins[:1]), _some(joins[1:])
+        return lambda env: one(env) or others(env)
+    [(rows, places, same, check, _)] = joins
+
     def found(env: Env) -> bool:
-        for _ in loop(env):
-            return True
+        for row in rows(env):
+            for position, slot in places:
+                env[slot] = row[position]
+            if same and any(row[i] != row[j] for i, j in same):
+                continue
+            if check(env):
+                return True
         return False
 
     return found
+
+
+def _all(tests: list[Test]) -> Test:
+    match tests:
+        case []:
+            return lambda _: True
+        case [one]:
+            return one
+        case [one, two]:
+            return lambda env: one(env) and two(env)
+        case [one, two, *rest]:
+            others = _all(rest)
+            return lambda env: one(env) and two(env) and others(env)
+    raise AssertionError(tests)
+
+
+def _looking_up(relation: Relation, given: tuple[int, ...], direction: int) -> Callable[[Args], list[Args]]:
+    """The tuples that agree with values for the given positions, as they came or (-1) the last first."""
+    if not given:
+        return lambda _: list(relation.rows)[::direction]
+    found = relation.index(given).get
+    return lambda key: found(key, _NONE)[::direction]
 
 
 class Situation:
@@ -421,8 +463,8 @@ class Situation:
             return self._conditions[predicate].holds
         rows = self.relation(predicate).rows
         if predicate in self.base.tests:
-            truth = self.base.truth
-            return lambda args: args in rows or truth(predicate, args)
+            known, truth = self.base.answers(predicate).get, self.base.truth
+            return lambda args: known(args) or truth(predicate, args)
         return rows.__contains__
 
     def rows(self, predicate: str, given: tuple[int, ...], arity: int, lazy: bool) -> Callable[[Args], Iterable[Args]]:
@@ -431,14 +473,14 @@ class Situation:
             return lambda key: self.relation(predicate).find(given, key)
         relation = self.relation(predicate)
         if predicate in self._fluents:
-            return lambda key: relation.find(given, key)[::-1]
+            return _looking_up(relation, given, -1)
         makers = [
             (stream, atom, self._possible(stream, [atom.args[i] for i in given]))
             for stream, atom in self._makers(predicate)
             if not {atom.args[i] for i in given} & set(stream.outputs)
         ]
         if not lazy or not makers:  # a new entity never equals a given one
-            return lambda key: relation.find(given, key)
+            return _looking_up(relation, given, 1)
 
         def known_then_new(key: Args) -> Iterator[Args]:
             yield from relation.find(given, key)
