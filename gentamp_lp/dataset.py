@@ -99,6 +99,31 @@ class Dataset:
         """What `predicates` say of a state, for explanations."""
         return f"{self.name(number)}: {self._shown(self.states[number].facts, predicates)}"
 
+    def told(self, numbers: Collection[int], predicates: Collection[str]) -> list[str]:
+        """A sentence a state: where in which problem it is, what is done there, and what `predicates` say unlike in the
+        first of the states that is in the same problem.
+        """
+        steps = {t.source: t for t in self.transitions if t.demonstrated}
+        before = {t.target: t.source for t in steps.values()}
+        first: dict[int, int] = {}
+        return [self._told(n, steps, before, first.setdefault(self.states[n].problem, n), predicates) for n in numbers]
+
+    def _told(
+        self, number: int, steps: dict[int, Transition], before: dict[int, int], other: int, names: Collection[str]
+    ) -> str:
+        start, done = number, 0
+        while start in before and not self.states[start].initial:
+            start, done = before[start], done + 1
+        text = f"{self.name(number)}"
+        if self.states[start].initial:
+            text += f" is after {done} step(s) of the demonstration" if done else " is the start"
+        if number in steps:
+            text += f"; {steps[number].action}({', '.join(steps[number].args)}) is done there"
+        if other != number:
+            only, missing = self._difference(number, other, names)
+            text += f"; unlike in state {other}: {only or 'nothing more'}, not {missing or 'anything less'}"
+        return text
+
     def name(self, number: int) -> str:
         """How explanations call a state."""
         state = self.states[number]
@@ -108,10 +133,16 @@ class Dataset:
 
     def contrast(self, first: int, second: int, predicates: Collection[str]) -> str:
         """What `predicates` say of one of two states only."""
-        one, two = self.states[first].facts, self.states[second].facts
-        only = self._shown([f for f in one if f not in two], predicates)
-        other = self._shown([f for f in two if f not in one], predicates)
+        only, other = self._difference(first, second, predicates)
         return f"  in {self.name(first)}: {only or 'nothing more'}; in {self.name(second)}: {other or 'nothing more'}"
+
+    def _difference(self, first: int, second: int, predicates: Collection[str]) -> tuple[str, str]:
+        """What is said of the first of two states only, and of the second only."""
+        one, two = self.states[first].facts, self.states[second].facts
+        return (
+            self._shown([f for f in one if f not in two], predicates),
+            self._shown([f for f in two if f not in one], predicates),
+        )
 
     def _shown(self, facts: Iterable[Fact], predicates: Collection[str]) -> str:
         return ", ".join(

@@ -343,7 +343,7 @@ def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception
         return failure or LimitReached("the time limit ended learning before a pool was searched")
     fluents = task.folder.domain.fluents
     pairs = sorted((data.contrast(*pair, fluents) for pair in failure.pairs), key=len)  # the nearest say most
-    lines = pairs or [data.describe(state, fluents) for state in failure.states]
+    lines = pairs or data.told(failure.states, fluents)
     return NoAnswer("\n".join([str(failure), *lines[:_EXPLAINED]]))
 
 
