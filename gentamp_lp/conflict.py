@@ -85,7 +85,8 @@ def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolic
         for t in shown[:i]:
             if s.values == t.values:
                 lines.append(
-                    f"  states {t.id} and {s.id} look alike to every feature of the pool, but their moves differ in features"
+                    f"  states {t.id} and {s.id} look alike to every feature of the pool, "
+                    "but their moves differ in features"
                 )
     lines.append(
         "  demonstrations that treat like states differently are inconsistent: change them, or try a higher "
