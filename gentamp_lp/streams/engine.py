@@ -42,8 +42,8 @@ MAX_COPIES = 4
 MAX_LEVELS = 10
 TRIES = 10  # with other samples for a plan that is too dear or that the real facts refute
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
-LAST_RESORT = 3  # times that every stream is sampled before `adaptive` gives up, unless there are so many objects
-MAX_OBJECTS = 1000
+LAST_RESORT = 2  # a power of ten: samples of every stream call before `adaptive` gives up
+MAX_OBJECTS = 1000  # or this many of these
 MANY_CALLS = 5000  # of streams; if more are possible, those are assumed that matter to a coarse plan
 FIRST_SLICE = 2.0  # seconds for a first search of an optimistic problem; doubled when it does not suffice
 
@@ -109,6 +109,7 @@ class Engine:
         self.hopes = Hopes(depth=len(self.streams) + 1)
         self.searches = options.searches
         self.few_tests = FEW_TESTS
+        self.max_copies = MAX_COPIES
         self.focusing = True
         self.exact = False
         self.effort = 1
@@ -156,8 +157,18 @@ class Engine:
             costs, outputs = self.options.opt_costs, self.options.opt_outputs
             return World.of(self.base, hopes, self.lazy, costs, self._left, opt_outputs=outputs, **limits)
 
+        def whole() -> World:
+            while True:
+                try:
+                    return world(self.hopes)
+                except TooManyCalls:
+                    if self.hopes.copies == 1:
+                        raise
+                    self.hopes.copies = self.max_copies = self.hopes.copies // 2
+                    self.hopes.depth -= 1
+
         if not self.focusing:
-            return world(self.hopes), False
+            return whole(), False
         try:
             return world(self.hopes, most=MANY_CALLS), False
         except TooManyCalls:
@@ -165,7 +176,7 @@ class Engine:
             steps = self._plan(coarse)
             if steps is None:
                 self.focusing = False
-                return world(self.hopes), False
+                return whole(), False
             return world(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
 
     def _left(self) -> float:
@@ -183,7 +194,7 @@ class Engine:
         """Run the eager tests, and those on few enough objects that the planner knows."""
         hidden = self.hopes.hidden
         for stream in {id(s): s for s in self.base.tests.values()}.values():
-            inputs = [args for args in self.base.inputs(stream) if hidden.isdisjoint(args)]
+            inputs = [args for args in self.base.inputs(stream, self._left) if hidden.isdisjoint(args)]
             if stream.name in self.options.eager or len(inputs) <= self.few_tests:
                 for args in inputs:
                     self._left()
@@ -207,7 +218,7 @@ class Engine:
             grew = any(
                 self.base.draw(rule, inputs) is not None
                 for rule in rules
-                for inputs in self.base.inputs(rule)
+                for inputs in self.base.inputs(rule, self._left)
                 if not self.base.exhausted(rule, inputs)
             )
             self._left()
@@ -262,14 +273,15 @@ class Engine:
             self.exact = True
         elif not self.options.adaptive and self._more_samples():
             pass
-        elif self.options.adaptive and world.made and self.hopes.copies < MAX_COPIES:
+        elif self.options.adaptive and world.made and self.hopes.copies < self.max_copies:
             self.hopes.copies *= 2
             self.hopes.depth += 1
             self.options.progress(f"no plan: assuming {self.hopes.copies} outputs of each stream call")
         elif self.options.adaptive and world.made and self._sample_all():
             pass
         elif world.made:
-            raise NoAnswer("no plan, even if all tests and streams not tried yet gave what is wished for")
+            drawn = f"no plan over {len(self.base.values)} objects"
+            raise NoAnswer(f"{drawn}, even if all tests and streams not tried yet gave what is wished for")
         else:
             raise NoAnswer("no plan: all streams are exhausted")
 
@@ -280,9 +292,9 @@ class Engine:
 
     def _sample_all(self) -> bool:
         """Samples of every stream, shown to the planner: one of them may be an object that the problem names."""
-        if self.level >= LAST_RESORT or len(self.base.values) > MAX_OBJECTS:
+        if len(self.base.values) > MAX_OBJECTS:
             return False
-        draws = 10**self.level
+        draws = 10 ** min(self.level, LAST_RESORT)
         self.level += 1
         self.hopes.hidden.clear()
         self.options.progress(f"no plan over what may be: drawing {draws} sample(s) of each stream call")
@@ -381,7 +393,7 @@ class Engine:
         while growing:
             size = len(hidden)
             for stream in self.streams:
-                for inputs in () if stream.fluents else self.base.inputs(stream):
+                for inputs in () if stream.fluents else self.base.inputs(stream, self._left):
                     if hidden.isdisjoint(inputs) and self.base.exhausted(stream, inputs):
                         hidden.difference_update(*self.base.drawn_outputs(stream, inputs))
             growing = len(hidden) < size

@@ -6,7 +6,7 @@ import math
 import re
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import itemgetter
@@ -296,17 +296,27 @@ class FactBase:
                 self.add((name, *take(args)))
         return True
 
-    def inputs(self, stream: Stream) -> list[Args]:
-        """All tuples of known entities that satisfy the stream's domain conditions."""
-        bindings: list[dict[str, str]] = [{}]
-        for atom in self.tests_last(stream.domain):
-            bindings = [
-                extended
-                for binding in bindings
-                for row in self._rows(atom, binding)
-                if (extended := match(atom.args, row, binding)) is not None
-            ]
-        return list(dict.fromkeys(tuple(b[v] for v in stream.inputs) for b in bindings))
+    def inputs(self, stream: Stream, check_time: Callable[[], object] = lambda: None) -> list[Args]:
+        """All tuples of known entities that satisfy the stream's domain conditions; `check_time` may end the search."""
+        return list(dict.fromkeys(self.each_input(stream, check_time)))
+
+    def each_input(self, stream: Stream, check_time: Callable[[], object]) -> Iterator[Args]:
+        """The same, one by one; no facts may be added before the last."""
+        goals = self.tests_last(stream.domain)
+        for binding in self._bindings(goals, {}, check_time):
+            yield tuple(binding[v] for v in stream.inputs)
+
+    def _bindings(
+        self, goals: Sequence[Atom], binding: dict[str, str], check_time: Callable[[], object]
+    ) -> Iterator[dict[str, str]]:
+        if not goals:
+            yield binding
+            return
+        check_time()
+        for row in self._rows(goals[0], binding):
+            extended = match(goals[0].args, row, binding)
+            if extended is not None:
+                yield from self._bindings(goals[1:], extended, check_time)
 
     def tests_last(self, atoms: Iterable[Atom]) -> list[Atom]:
         """Atoms in an order of which the tests come last."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from gentamp_lp.errors import LimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.downward import SEARCHES, search
@@ -18,17 +19,17 @@ def sample(base: FactBase, quota: Mapping[str, int], deadline: float) -> bool:
     Repeats until nothing is left to ask; returns whether any call was made. Raises LimitReached at the deadline.
     """
     called = False
+    check_time = partial(_check, deadline, "the time limit ended stream sampling")
     for _ in base.streams:  # a chain of streams is at most as long as their number within one level
         again = False
         for stream in base.streams:
             if stream.decides or stream.fluents:
                 continue
-            for inputs in base.inputs(stream):
+            for inputs in base.inputs(stream, check_time):
                 while base.drawn(stream, inputs) < quota.get(stream.name, 1):
                     if base.exhausted(stream, inputs):
                         break
-                    if time.monotonic() > deadline:
-                        raise LimitReached("the time limit ended stream sampling")
+                    check_time()
                     base.draw(stream, inputs)
                     again = called = True
         if not again:
@@ -56,10 +57,15 @@ def run_tests(base: FactBase, deadline: float) -> None:
     for stream in base.streams:
         if not stream.decides:
             continue
-        for inputs in base.inputs(stream):
-            if time.monotonic() > deadline:
-                raise LimitReached("the time limit ended the tests")
+        check_time = partial(_check, deadline, "the time limit ended the tests")
+        for inputs in base.inputs(stream, check_time):
+            check_time()
             base.run_test(stream, inputs)
+
+
+def _check(deadline: float, message: str) -> None:
+    if time.monotonic() > deadline:
+        raise LimitReached(message)
 
 
 def simulate(program: Program, base: FactBase, state: State, steps: list[Step]) -> list[State] | None:

@@ -189,7 +189,7 @@ class World(FactBase):
             if not [call for stream in streams for call in world._hope_for(stream)]:
                 break
         for name, stream in base.functions.items():
-            for args in world.inputs(stream):
+            for args in world.inputs(stream, check_time):
                 fact = (name, *args)
                 if all(a in base.values for a in args):
                     base.cost(name, args)
@@ -202,10 +202,10 @@ class World(FactBase):
         return world
 
     def _hope_for(self, stream: Stream) -> Iterator[Call]:
-        """New calls of a stream, their facts added."""
+        """New calls of a stream; their facts are added after the last."""
         real = self.real
-        for inputs in self.inputs(stream):
-            self.check_time()
+        certified: dict[Fact, Call] = {}
+        for inputs in self.each_input(stream, self.check_time):
             known = all(name in real.values for name in inputs)
             if known and not stream.fluents and real.exhausted(stream, inputs):
                 continue
@@ -218,7 +218,7 @@ class World(FactBase):
                 if key in self.made:
                     continue
                 if len(self.made) >= self.most:
-                    raise TooManyCalls(f"more than {self.most} calls of streams are possible")
+                    raise TooManyCalls(f"more than {self.most} stream calls are possible: `incremental` assumes none")
                 outputs = self.hopes.outputs(stream, key)
                 values = self._hoped_values(key, outputs)
                 if values is None:
@@ -231,10 +231,11 @@ class World(FactBase):
                 self.call_of |= dict.fromkeys(outputs, call)
                 self.values |= zip(outputs, values, strict=True)
                 for atom in stream.certified:
-                    fact = (atom.predicate, *bind(atom, binding))
-                    if self.add(fact):
-                        self.maker[fact] = call
+                    certified.setdefault((atom.predicate, *bind(atom, binding)), call)
                 yield call
+        for fact, call in certified.items():
+            if self.add(fact):
+                self.maker[fact] = call
 
     def _optimistic(self, name: str, args: Args, function: Callable[..., Any]) -> Any:
         """What a user's optimistic function says of known values and placeholders. Raises InputError if it fails."""
@@ -311,8 +312,7 @@ class World(FactBase):
         """Arguments on which a test might be run."""
         stream = self.tests[predicate]
         head = next(atom for atom in stream.certified if atom.predicate == predicate)
-        for inputs in self.inputs(stream):
-            self.check_time()
+        for inputs in self.inputs(stream, self.check_time):
             yield bind(head, dict(zip(stream.inputs, inputs, strict=True)))
 
     def _rows(self, atom: Atom, binding: Mapping[str, str]) -> list[Args]:
