@@ -36,7 +36,7 @@ Trait = Literal["Block", "Tray", "Mug", "Table", "Region", "Red", "Green", "Blue
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
 PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
 _TRIES = 400  # draws of a place before an instance is called impossible
-_AGAIN = 5  # draws of the places of all things of a group before that
+_AGAIN = 5  # draws of the places of all things of a group before that, or before some are moved
 _PLACES = 3  # where a robot that drives stands in turn, before that
 _LAYOUTS = 2000  # draws of a whole layout with things in the way before that
 
@@ -601,10 +601,11 @@ def _layout(
     """Uniform layouts until one has the wanted number of things in the way.
 
     On a stretched table that hardly happens: there it is drawn first which things are in the way, and each is put at
-    a uniform place where it is, or is not.
+    a uniform place where it is, or is not. Where something has been out of reach `_AGAIN` times, only that is moved.
     """
     ways = _approaches(world, clutter.target, clutter.approaches, rng)
     wanted = min(len(names) // clutter.one_in, clutter.at_most or len(names))
+    missed = 0
     for _ in range(_LAYOUTS):
         chosen = {names[i] for i in rng.permutation(len(names))[:wanted]} if stretched else set()
         layout: dict[str, Placement] = {}
@@ -620,14 +621,19 @@ def _layout(
         if len(layout) < len(names):
             continue
         touched = (sum(way.hits(world.shapes[n], p.transform) for n, p in layout.items()) for way in ways)
-        if min(touched) == wanted and _all_reachable(world, layout, ways, area, gap, rng):
+        if min(touched) != wanted:
+            continue
+        if all(reachable(world, n, p, rng) for n, p in layout.items()):
+            return {name: layout[name] for name in names}
+        missed += 1
+        if missed >= _AGAIN and _brought_near(world, layout, ways, area, gap, rng):
             return {name: layout[name] for name in names}
     raise NoAnswer(
         f"none of {_LAYOUTS} layouts has exactly {wanted} of {len(names)} things in the way of `{clutter.target}`"
     )
 
 
-def _all_reachable(
+def _brought_near(
     world: World,
     layout: dict[str, Placement],
     ways: Sequence[Swept],
@@ -635,7 +641,7 @@ def _all_reachable(
     gap: float,
     rng: np.random.Generator,
 ) -> bool:
-    """Whether every thing can be reached where it is, or elsewhere, as much in the way: there it is put."""
+    """Put what is out of reach elsewhere, as much in the way; tell whether everything can then be reached."""
     for name, placement in layout.items():
         if not reachable(world, name, placement, rng):
             shape, there = world.shapes[name], world.start | {n: p for n, p in layout.items() if n != name}
