@@ -80,11 +80,14 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
         if grasp in world.approaches and placement is world.start[name] and base is world.base:
             yield reach(world.approaches[grasp])
         key = [_digest(matrix) for matrix in (placement.transform, place.transform, grasp.tool)]
-        generator = rng("reach", name, *key, *_known(base))
+        generator, found = rng("reach", name, *key, *_known(base)), False
         for _ in range(_REACH_ATTEMPTS):
             trajectory = world.robot.reach_from(base.place, target @ grasp.tool, grasp.opening, generator)
             if trajectory is not None:
+                found = True
                 yield reach(trajectory)
+        if not found and (placement, grasp, base) in world.reached:
+            yield reach(world.reached[placement, grasp, base])
 
     def sample_base(support: str) -> Iterator[tuple[rooms.Base] | None]:
         for base in world.parkings(support, rng("base", support)):

@@ -290,7 +290,7 @@ class World:
     """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case).
 
     `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
-    layout was made for. `base` is where the robot stands at first; `tables` are solid tables of finite size with their
+    layout was made for, `reached` those by which a place was found to be within reach. `base` is where the robot stands at first; `tables` are solid tables of finite size with their
     poses, for mobile robots (a fixed one has a table without end).
     """
 
@@ -299,6 +299,7 @@ class World:
     shapes: dict[str, Shape] = field(default_factory=dict)
     grasps: dict[str, list[Grasp]] = field(default_factory=dict)
     approaches: dict[Grasp, Trajectory] = field(default_factory=dict)
+    reached: dict[tuple[Placement, Grasp, rooms.Base], Trajectory] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     static: list[tuple[str, ...]] = field(default_factory=list)
     fluents: list[tuple[str, ...]] = field(default_factory=list)
@@ -733,8 +734,11 @@ def _reached(
 ) -> bool:
     """Whether inverse kinematics finds, so many times in a row, an approach for some grasp of a thing."""
 
-    def reach(grasp: Grasp) -> Trajectory | None:
-        return world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+    def reach(grasp: Grasp) -> bool:
+        found = world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+        if found is not None:
+            world.reached[placement, grasp, base] = found
+        return found is not None
 
     return any(all(reach(grasp) for _ in range(times)) for grasp in world.grasps[name])
 
