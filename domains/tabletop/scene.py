@@ -290,8 +290,9 @@ class World:
     """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case).
 
     `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
-    layout was made for, `reached` those by which a place was found to be within reach. `base` is where the robot stands at first; `tables` are solid tables of finite size with their
-    poses, for mobile robots (a fixed one has a table without end).
+    layout was made for, `reached` those by which a place was found to be within reach. `base` is where the robot stands
+    at first; `tables` are solid tables of finite size with their poses, for mobile robots (a fixed one has a table
+    without end).
     """
 
     robot: Robot
@@ -358,14 +359,23 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
         supports, base = _all_in_reach(scene, made)
         bases = iter([base])
     else:
-        bases = islice(standing.clear_parkings(made, _spans(supports), rng), 1 if made.flies else _PLACES)
-    failure = NoAnswer(f"no free place for the robot in front of `{next(iter(supports))}`: move the tables apart")
-    for number, base in enumerate(bases):
+        bases = standing.starts(made, _spans(supports))
+    fixed, others = [], []
+    for base in bases:
         try:
             return _draw_world(World(made, supports, base=base), scene, parameters, stretch, rng)
+        except _Fixed as error:
+            fixed.append(error)
         except NoAnswer as error:
-            failure = failure if number else error
-    raise failure
+            others.append(error)
+            if len(others) == _PLACES:
+                break
+    nowhere = NoAnswer(f"no free place for the robot in front of `{next(iter(supports))}`: move the tables apart")
+    raise next(iter([*others, *fixed]), nowhere)
+
+
+class _Fixed(NoAnswer):
+    """A thing with a given place collides or is out of reach: that is soon found out."""
 
 
 def _spans(supports: Mapping[str, Support]) -> tuple[tuple[Span, Span], ...]:
@@ -514,7 +524,7 @@ def _arrange(world: World, group: Things, names: list[str], stretch: float, rng:
             for name in names:
                 placement = Placement("world", pose(x, y, GAP, at.yaw))
                 if not (_free(world, world.start, name, placement, 0.0) and reachable(world, name, placement, rng)):
-                    raise NoAnswer(f"`{name}` collides or is out of reach at x={x:.3g}, y={y:.3g}")
+                    raise _Fixed(f"`{name}` collides or is out of reach at x={x:.3g}, y={y:.3g}")
                 _stand(world, name, placement, at.support)
         case Scatter() as scatter:
             area = scatter.area.enlarged(stretch) if scatter.area else world.supports[scatter.support].area

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
@@ -22,7 +23,7 @@ LEAST, ENOUGH = 0.5, 0.8
 """Shares of them in reach: with less than the one an area counts as out of reach, the other is good enough."""
 
 _PLACES = 24  # where a robot that drives might stand, of those that are clear of the tables
-_DRAWS = 400  # places drawn to find these
+_DRAWS = 300  # places drawn to find these, or others to start from
 _HEIGHT = 0.05  # of the cube that is grasped
 
 Region = tuple[rooms.Span, rooms.Span]
@@ -44,6 +45,15 @@ def stand(robot: Robot, areas: tuple[Region, ...]) -> rooms.Base | None:
             if share >= ENOUGH:
                 break
     return best
+
+
+def starts(robot: Robot, areas: Sequence[Region]) -> Iterator[rooms.Base]:
+    """Where a robot may stand at first, in front of the first area: the preferred place, then others, nearest first."""
+    clear = clear_parkings(robot, areas, np.random.default_rng(0))
+    for first in islice(clear, 1):
+        yield first
+        if not robot.flies:
+            yield from sorted(clear, key=lambda base: math.dist(base.place, first.place))
 
 
 def clear_parkings(robot: Robot, areas: Sequence[Region], rng: np.random.Generator) -> Iterator[rooms.Base]:
