@@ -292,7 +292,7 @@ class World:
     `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
     layout was made for, `reached` those by which a place was found to be within reach. `base` is where the robot stands
     at first; `tables` are solid tables of finite size with their poses, for mobile robots (a fixed one has a table
-    without end).
+    without end). `avoided` has digests of reaches that the streams do not give.
     """
 
     robot: Robot
@@ -305,6 +305,7 @@ class World:
     static: list[tuple[str, ...]] = field(default_factory=list)
     fluents: list[tuple[str, ...]] = field(default_factory=list)
     cells: dict[str, tuple[int, float]] = field(default_factory=dict)
+    avoided: set[int] = field(default_factory=set)
     base: rooms.Base = field(default_factory=lambda: rooms.Base(np.zeros(3)))
 
     @property
