@@ -19,19 +19,19 @@ from . import rooms
 SPOTS = 12
 """Places of each area that are tried."""
 
-LEAST, ENOUGH = 0.5, 0.8
+LEAST, ENOUGH = 0.25, 0.8
 """Shares of them in reach: with less than the one an area counts as out of reach, the other is good enough."""
 
-_PLACES = 24  # where a robot that drives might stand, of those that are clear of the tables
+_PLACES = 12  # where a robot that drives might stand, of those that are clear of the tables
 _DRAWS = 300  # places drawn to find these, or others to start from
 _HEIGHT = 0.05  # of the cube that is grasped
 
-Region = tuple[rooms.Span, rooms.Span]
+Rectangle = tuple[rooms.Span, rooms.Span]
 """The x and y (m) of an area."""
 
 
 @lru_cache
-def stand(robot: Robot, areas: tuple[Region, ...]) -> rooms.Base | None:
+def stand(robot: Robot, areas: tuple[Rectangle, ...]) -> rooms.Base | None:
     """The place, of those in front of the first area, from which the least reached area is reached best.
 
     Reached is a spot where the robot grasps a small thing from the top, other things not considered. A fixed robot
@@ -47,7 +47,7 @@ def stand(robot: Robot, areas: tuple[Region, ...]) -> rooms.Base | None:
     return best
 
 
-def starts(robot: Robot, areas: Sequence[Region]) -> Iterator[rooms.Base]:
+def starts(robot: Robot, areas: Sequence[Rectangle]) -> Iterator[rooms.Base]:
     """Where a robot may stand at first, in front of the first area: the preferred place, then others, nearest first."""
     clear = clear_parkings(robot, areas, np.random.default_rng(0))
     for first in islice(clear, 1):
@@ -56,7 +56,7 @@ def starts(robot: Robot, areas: Sequence[Region]) -> Iterator[rooms.Base]:
             yield from sorted(clear, key=lambda base: math.dist(base.place, first.place))
 
 
-def clear_parkings(robot: Robot, areas: Sequence[Region], rng: np.random.Generator) -> Iterator[rooms.Base]:
+def clear_parkings(robot: Robot, areas: Sequence[Rectangle], rng: np.random.Generator) -> Iterator[rooms.Base]:
     """Places to stand in front of the first of areas, clear of the tables; the origin for a fixed robot."""
     if not robot.mobile:
         return iter([rooms.Base(np.zeros(3))])
@@ -64,7 +64,7 @@ def clear_parkings(robot: Robot, areas: Sequence[Region], rng: np.random.Generat
 
 
 def parkings(
-    robot: Robot, area: Region, areas: Iterable[Region], rng: np.random.Generator
+    robot: Robot, area: Rectangle, areas: Iterable[Rectangle], rng: np.random.Generator
 ) -> Iterator[rooms.Base | None]:
     """Places for a mobile robot in front of an area, without end; None for each one in the tables under the areas."""
     if not isinstance(robot, Mobile):
@@ -74,7 +74,7 @@ def parkings(
         yield base if rooms.clear(robot, rooms.Way(base.place[None], robot.opening), tables) else None
 
 
-def _reached(robot: Robot, base: rooms.Base, areas: tuple[Region, ...], most: float) -> float | None:
+def _reached(robot: Robot, base: rooms.Base, areas: tuple[Rectangle, ...], most: float) -> float | None:
     """The share of spots in reach, in the area where it is smallest; None as soon as it is below `most`."""
     rng = np.random.default_rng(1)
     thing = box(robot.opening / 2, robot.opening / 2, _HEIGHT)
