@@ -178,7 +178,8 @@ class SolveReport(_Document):
     plan: list[list[str]] | None
     """one list a step: the action and its arguments"""
     motion: dict[str, float] | None
-    """with `--motion`: how many `transits` were found, how many of these are `straight`, and the `seconds`"""
+    """with `--motion`: how many `transits` were found, how many of these are `straight`, how often steps were chosen
+    `anew` for want of one, and the `seconds`"""
 
 
 class Decision(_Document):

@@ -101,7 +101,8 @@ def solve(
     (seconds) covers planning; drawing the instance, validating the plan and replaying its streams come on top. Raises
     NoAnswer when the instance cannot be drawn, InputError for a bad size or an unknown action. Without a policy,
     `algorithm` and `engine` say how. `motion`: plan what the arm does between the steps, too (the domain's
-    `plan_transits`), in another `time_limit`; without that there is no plan.
+    `plan_transits`), in another `time_limit`; where that fails, the steps are chosen anew within it. Without transits
+    there is no plan.
     """
     if motion and not hasattr(task.folder.code, "plan_transits"):
         missing = Diagnostic(f"the domain `{task.folder.path.name}` plans no transits", hint="leave out --motion")
@@ -115,20 +116,25 @@ def solve(
     start = time.perf_counter()
     steps, reason, limited, stuck = None, None, False, None
     planner = mode if policy or skeleton is not None else algorithm or choose(instance)
-    try:
+
+    def search(instance: Instance, time_limit: float) -> list[Step]:
+        nonlocal stuck, planner
+        start = time.perf_counter()
         with interrupting(instance.base, time_limit):
             if skeleton is not None:
-                steps = _along(skeleton, instance, algorithm, time_limit, progress)
-            elif policy is None:
-                steps = plan_unguided(instance, algorithm, engine, time_limit, progress)
-            else:
-                try:
-                    steps = GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
-                except DeadEnd as end:
-                    end.reason += f"; there {situation(policy, instance.base, end.state)}"
-                    stuck, planner = str(end), "constrained domain"
-                    progress(f"following the policy failed ({end}); searching the constrained domain")
-                    steps = _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
+                return _along(skeleton, instance, algorithm, time_limit, progress)
+            if policy is None:
+                return plan_unguided(instance, algorithm, engine, time_limit, progress)
+            try:
+                return GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
+            except DeadEnd as end:
+                end.reason += f"; there {situation(policy, instance.base, end.state)}"
+                stuck, planner = str(end), "constrained domain"
+                progress(f"following the policy failed ({end}); searching the constrained domain")
+                return _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))
+
+    try:
+        steps = search(instance, time_limit)
     except LimitReached as error:
         reason, limited = str(error), True
     except NoAnswer as error:
@@ -138,7 +144,7 @@ def solve(
         return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine)
     plan, moved = Plan.of(instance, steps), None
     if motion:
-        plan, moved, failure = _with_transits(plan, instance, time_limit, progress)
+        instance, steps, plan, moved, failure = _moving(instance, steps, search, time_limit, progress)
         if failure is not None:
             reason, limited = str(failure), isinstance(failure, LimitReached)
             return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine, moved)
@@ -150,29 +156,60 @@ def solve(
     )
 
 
+def _moving(
+    instance: Instance,
+    steps: list[Step],
+    search: Callable[[Instance, float], list[Step]],
+    time_limit: float,
+    progress: Callable[[str], None],
+) -> tuple[Instance, list[Step], Plan, dict[str, float], NoAnswer | LimitReached | None]:
+    """Return a plan with what the arm does between its steps, how that went, and why it could not be found.
+
+    Where there is no way to a step, the problem is drawn again without what the world avoids since, and planned again.
+    The failure told is the first one, the plan the last one.
+    """
+    start, anew = time.monotonic(), 0
+    first: NoAnswer | LimitReached | None = None
+    while True:
+        avoided = len(instance.world.avoided)
+        plan, found, failure = _with_transits(Plan.of(instance, steps), instance, start + time_limit, progress)
+        first = failure and (first or failure)
+        left = start + time_limit - time.monotonic()
+        if failure is None or left <= 0 or len(instance.world.avoided) == avoided:
+            break
+        again = instance.task.instance(instance.size, instance.seed, robot=instance.robot)
+        again.world.avoided |= instance.world.avoided
+        progress(f"{failure}; choosing the steps anew")
+        try:
+            steps = search(again, left)
+        except (NoAnswer, LimitReached):
+            break
+        instance, anew = again, anew + 1
+    moved = {
+        "transits": len(found),
+        "straight": sum(move.straight for move in found),
+        "anew": anew,
+        "seconds": round(time.monotonic() - start, 4),
+    }
+    return instance, steps, plan, moved, first
+
+
 def _with_transits(
-    plan: Plan, instance: Instance, time_limit: float, progress: Callable[[str], None]
-) -> tuple[Plan, dict[str, float], NoAnswer | LimitReached | None]:
-    """Return the plan with what the arm does between its steps, how that went, and why it could not be found."""
-    start, found = time.monotonic(), []
+    plan: Plan, instance: Instance, deadline: float, progress: Callable[[str], None]
+) -> tuple[Plan, list[Any], NoAnswer | LimitReached | None]:
+    """Return the plan with what the arm does between its steps, these motions, and why they could not be found."""
+    found: list[Any] = []
     failure: NoAnswer | LimitReached | None = None
     steps = [(step.schema, step.args) for step in plan.steps]
     plan_transits = instance.task.folder.code.plan_transits
     try:
-        for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, start + time_limit):
+        for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, deadline):
             found.append(move)
             if not move.straight:
                 progress(f"transit to step {len(found)} of {len(steps)}: {len(move.waypoints)} waypoints")
     except (NoAnswer, LimitReached) as error:
         failure = error
-    straight = sum(move.straight for move in found)
-    seconds = round(time.monotonic() - start, 4)
-    transits = tuple(move.waypoints.tolist() for move in found)
-    return (
-        replace(plan, transits=transits),
-        {"transits": len(found), "straight": straight, "seconds": seconds},
-        failure,
-    )
+    return replace(plan, transits=tuple(move.waypoints.tolist() for move in found)), found, failure
 
 
 def skeleton_of(task: Task, size: int | str, seed: int, policy: Policy, *, robot: str | None = None) -> list[str]:

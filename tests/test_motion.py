@@ -249,10 +249,23 @@ def test_the_command_says_where_no_way_was_found(unstack, tmp_path, monkeypatch)
     validate_schema(report, schema("solve"))
     assert report["motion"]["transits"] == report["plan_length"] > report["motion"]["straight"]
     monkeypatch.setattr(motion, "ROUNDS", 0)
-    bad = CliRunner().invoke(app, command)
+    monkeypatch.setattr(Space, "advance", lambda _, first, __: (first[:0], "the held block1 touches block2"))
+    bad = CliRunner().invoke(app, [*command, "--timeout", "2"])
     assert bad.exit_code == 3
     report = json.loads(bad.stdout)
     validate_schema(report, schema("solve"))
     assert not report["solved"] and report["plan"] is None
-    assert report["reason"].startswith("the arm cannot go from the end of ")
-    assert " touches block" in report["reason"]
+    assert report["reason"].startswith("the arm cannot go from home to step 1, pick(")
+    assert "touches block2; no way round" in report["reason"] and report["motion"]["anew"] > 0
+
+
+@pytest.mark.parametrize("robot", ["panda", "gripper"])
+def test_steps_without_a_way_to_them_are_chosen_anew(unstack, monkeypatch, robot):
+    """Where the arm knows straight lines only, some steps need another reach."""
+    monkeypatch.setattr(motion, "ROUNDS", 0)
+    result = solve(unstack.task, 8, 0, policy=unstack.policy, robot=robot, motion=True)
+    assert result.valid, result.reason
+    assert result.motion["anew"] > 0
+    assert result.motion["straight"] == result.motion["transits"] == len(result.plan.steps)
+    again = solve(unstack.task, 8, 0, policy=unstack.policy, robot=robot, motion=True)
+    assert again.plan.to_json() == result.plan.to_json()

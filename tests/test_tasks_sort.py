@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from test_standing import needs_pr2
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.learning import Learned, learn
@@ -81,6 +82,13 @@ def test_the_policy_sorts_directly(sort: Learned) -> None:
             result = solve(sort.task, size, seed, policy=sort.policy, robot=robot)
             assert result.valid and result.planner == "guided" and result.plan is not None
             assert len(result.plan.steps) == 4 * int(size[0])
+
+
+@needs_pr2
+def test_a_pr2_sorts(sort: Learned) -> None:
+    for seed in range(2):
+        result = solve(sort.task, "4-4", seed, policy=sort.policy, robot="pr2", time_limit=60)
+        assert result.valid, result.reason
 
 
 def test_a_plan_that_names_the_wrong_region_is_refused(sort: Learned) -> None:

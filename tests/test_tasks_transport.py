@@ -345,8 +345,6 @@ TASKS = ("unstack", "sort", "clutter", "load", "transport")
 def test_nearly_every_seed_gives_an_instance(task: str, size: str, robot: str) -> None:
     """At least 95 % of 50 seeds, of all shipped robots that can do the task."""
     drives = task == "transport"
-    if robot == "pr2" and task not in ("unstack", "transport"):
-        pytest.skip("not a task for the PR2")
     names = {"hand": "mobile_gripper" if drives else "gripper", "panda": "mobile_panda" if drives else "panda"}
     made = 0
     for seed in range(50):

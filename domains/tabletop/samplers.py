@@ -37,6 +37,11 @@ class Reach:
     target: Array
     trajectory: Trajectory
 
+    @property
+    def digest(self) -> int:
+        """What tells it from other reaches, also in the same world drawn again."""
+        return _digest(self.trajectory.configurations)
+
     @cached_property
     def swept(self) -> Swept:
         """Everything the hand, the arm and the held thing pass through."""
@@ -74,17 +79,21 @@ def stream_map(world: World, seed: int) -> dict[str, Generator]:
             return  # the placement rests on this support where it stood, and only there
         target = place.transform @ placement.transform if placement.frame == support else placement.transform
 
-        def reach(trajectory: Trajectory) -> tuple[Reach]:
-            return (Reach(world.robot, name, world.shapes[name], placement, place, grasp, base, target, trajectory),)
+        def reach(trajectory: Trajectory) -> tuple[Reach] | None:
+            made = Reach(world.robot, name, world.shapes[name], placement, place, grasp, base, target, trajectory)
+            return None if made.digest in world.avoided else (made,)
 
         if grasp in world.approaches and placement is world.start[name] and base is world.base:
             yield reach(world.approaches[grasp])
         key = [_digest(matrix) for matrix in (placement.transform, place.transform, grasp.tool)]
-        generator = rng("reach", name, *key, *_known(base))
+        generator, found = rng("reach", name, *key, *_known(base)), False
         for _ in range(_REACH_ATTEMPTS):
             trajectory = world.robot.reach_from(base.place, target @ grasp.tool, grasp.opening, generator)
             if trajectory is not None:
+                found = True
                 yield reach(trajectory)
+        if not found and (placement, grasp, base) in world.reached:
+            yield reach(world.reached[placement, grasp, base])
 
     def sample_base(support: str) -> Iterator[tuple[rooms.Base] | None]:
         for base in world.parkings(support, rng("base", support)):

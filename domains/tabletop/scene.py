@@ -27,7 +27,7 @@ from gentamp_lp.geometry.robots import Robot, Trajectory, make_robot
 from gentamp_lp.geometry.shapes import BLUE, GAP, Part, Rgba, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import Array, pose
 
-from . import rooms
+from . import rooms, standing
 
 Span = tuple[float, float]
 Length = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # in metres, or a range of it
@@ -36,7 +36,8 @@ Trait = Literal["Block", "Tray", "Mug", "Table", "Region", "Red", "Green", "Blue
 COLOURS = {"Red": (0.80, 0.22, 0.20, 1.0), "Green": (0.30, 0.62, 0.30, 1.0), "Blue": (0.26, 0.45, 0.77, 1.0)}
 PALETTE = [(0.30, 0.47, 0.66, 1.0), (0.95, 0.56, 0.17, 1.0), (0.46, 0.70, 0.45, 1.0), (0.93, 0.79, 0.28, 1.0)]
 _TRIES = 400  # draws of a place before an instance is called impossible
-_AGAIN = 5  # draws of the places of all things of a group before that
+_AGAIN = 5  # draws of the places of all things of a group before that, or before some are moved
+_PLACES = 3  # where a robot that drives stands in turn, before that
 _LAYOUTS = 2000  # draws of a whole layout with things in the way before that
 
 
@@ -63,6 +64,11 @@ class Area(_Section):
         (x0, x1), (y0, y1) = self.x, self.y
         return Area(x=(x0 * factor, x1 * factor), y=(y0 * factor, y1 * factor), things=self.things)
 
+    @property
+    def spans(self) -> tuple[Span, Span]:
+        """Its x and its y."""
+        return self.x, self.y
+
     @model_validator(mode="after")
     def _ordered(self) -> Area:
         for name, (low, high) in (("x", self.x), ("y", self.y)):
@@ -72,9 +78,13 @@ class Area(_Section):
 
 
 class Support(_Section):
-    """A fixed support: the table, or a coloured region on it."""
+    """A fixed support: the table, or a coloured region on it.
+
+    `nearer` is its area instead where a robot does not reach all supports from one place, and there is no tray.
+    """
 
     area: Area
+    nearer: Area | None = None
     traits: tuple[Trait, ...] = Field(("Table",), alias="is")
 
 
@@ -228,6 +238,12 @@ class Scene(_Section):
     things: tuple[Things, ...]
 
     @property
+    def from_one_place(self) -> bool:
+        """Whether a robot must reach all supports without driving: there are several, and no tray to drive with."""
+        shapes = [option for group in self.things for option in group.shapes]
+        return len(self.supports) > 1 and not any(option.tray for option in shapes)
+
+    @property
     def files(self) -> list[Path]:
         """The files that the scene is made from."""
         options = [option for group in self.things for option in group.shapes]
@@ -274,8 +290,9 @@ class World:
     """One drawn world: shapes, the robot, and the facts of the initial state (predicates lower-case).
 
     `grasps` are those of each thing, in the order to try; `approaches` has the trajectories of those grasps that the
-    layout was made for. `base` is where the robot stands at first; `tables` are solid tables of finite size with their
-    poses, for mobile robots (a fixed one has a table without end).
+    layout was made for, `reached` those by which a place was found to be within reach. `base` is where the robot stands
+    at first; `tables` are solid tables of finite size with their poses, for mobile robots (a fixed one has a table
+    without end). `avoided` has digests of reaches that the streams do not give.
     """
 
     robot: Robot
@@ -283,32 +300,27 @@ class World:
     shapes: dict[str, Shape] = field(default_factory=dict)
     grasps: dict[str, list[Grasp]] = field(default_factory=dict)
     approaches: dict[Grasp, Trajectory] = field(default_factory=dict)
+    reached: dict[tuple[Placement, Grasp, rooms.Base], Trajectory] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     static: list[tuple[str, ...]] = field(default_factory=list)
     fluents: list[tuple[str, ...]] = field(default_factory=list)
     cells: dict[str, tuple[int, float]] = field(default_factory=dict)
+    avoided: set[int] = field(default_factory=set)
     base: rooms.Base = field(default_factory=lambda: rooms.Base(np.zeros(3)))
 
     @property
     def tables(self) -> list[tuple[Shape, Array]]:
         """The tables of a room."""
-        areas = [support.area for support in self.supports.values()] if self.robot.mobile else []
-        return [rooms.table(area.x, area.y) for area in areas]
+        return [rooms.table(*spans) for spans in _spans(self.supports)] if self.robot.mobile else []
 
     def parkings(self, support: str, rng: np.random.Generator) -> Iterator[rooms.Base | None]:
         """Places for a mobile robot in front of a support, None for each one that is not free."""
-        if not isinstance(self.robot, Mobile):
-            return
-        area = self.supports[support].area
-        for base in rooms.parking(self.robot, area.x, area.y, rng):
-            way = rooms.Way(base.place[None], self.robot.opening)
-            yield base if rooms.clear(self.robot, way, self.obstacles) else None
+        yield from standing.parkings(self.robot, self.supports[support].area.spans, _spans(self.supports), rng)
 
     @property
     def obstacles(self) -> list[tuple[Shape, Array]]:
         """What drives keep clear of: the tables, with space for what stands on them."""
-        areas = [support.area for support in self.supports.values()]
-        return [rooms.table(area.x, area.y, rooms.LOADED) for area in areas]
+        return [rooms.table(*spans, rooms.LOADED) for spans in _spans(self.supports)]
 
     def fits(self, name: str, support: str, placement: Placement) -> bool:
         """Whether a thing stands wholly on a table of finite size."""
@@ -337,14 +349,67 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
     Raises NoAnswer with the reason when none was found, SceneError for a shape that the robot cannot grasp, KeyError
     for an unknown size parameter.
     """
-    supports = scene.supports
-    stretch = dict.fromkeys(supports, 1.0)
-    if _robot(robot).flies:
+    made = _robot(robot)
+    supports, stretch = scene.supports, dict.fromkeys(scene.supports, 1.0)
+    if made.flies:
         total = sum(_count(group.count, parameters) for group in scene.things)
         stretch = {name: support.area.stretch(total) for name, support in supports.items()}
         supports = {n: s.model_copy(update={"area": s.area.enlarged(stretch[n])}) for n, s in supports.items()}
-    world = World(_robot(robot, max(stretch.values())), supports)
-    _park(world, next(iter(supports)), rng)
+        made = _robot(robot, max(stretch.values()))
+    if scene.from_one_place and not made.flies:
+        supports, base = _all_in_reach(scene, made)
+        bases = iter([base])
+    else:
+        bases = standing.starts(made, _spans(supports))
+    fixed, others = [], []
+    for base in bases:
+        try:
+            return _draw_world(World(made, supports, base=base), scene, parameters, stretch, rng)
+        except _Fixed as error:
+            fixed.append(error)
+        except NoAnswer as error:
+            others.append(error)
+            if len(others) == _PLACES:
+                break
+    nowhere = NoAnswer(f"no free place for the robot in front of `{next(iter(supports))}`: move the tables apart")
+    raise next(iter([*others, *fixed]), nowhere)
+
+
+class _Fixed(NoAnswer):
+    """A thing with a given place collides or is out of reach: that is soon found out."""
+
+
+def _spans(supports: Mapping[str, Support]) -> tuple[tuple[Span, Span], ...]:
+    return tuple(support.area.spans for support in supports.values())
+
+
+def _all_in_reach(scene: Scene, robot: Robot) -> tuple[Mapping[str, Support], rooms.Base]:
+    """The supports, with their nearer areas where it must be, and a place from which the robot reaches them all."""
+    nearer = {n: s.model_copy(update={"area": s.nearer or s.area}) for n, s in scene.supports.items()}
+    for supports in (scene.supports, nearer):
+        base = standing.stand(robot, _spans(supports))
+        if base is not None:
+            return supports, base
+    raise NoAnswer(
+        f"`{robot.name}` does not reach {', '.join(f'`{name}`' for name in supports)} from one place: give them areas"
+        " that are `nearer`"
+    )
+
+
+def _draw_world(
+    world: World,
+    scene: Scene,
+    parameters: Mapping[str, int],
+    stretch: Mapping[str, float],
+    rng: np.random.Generator,
+) -> World:
+    """Put supports and things into a world, as `make_world` does, with the robot where it is."""
+    supports = world.supports
+    if world.robot.mobile:
+        world.static.append(("beside", "at_base", next(iter(supports))))
+    world.values["at_base"] = world.base
+    world.static.append(("base", "at_base"))
+    world.fluents.append(("atbase", "at_base"))
     for name, support in supports.items():
         world.values[name] = name
         world.values[f"at_{name}"] = Placement("world", np.eye(4))
@@ -373,19 +438,6 @@ def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.
             _check_capacity(world, members[group.name], riders)
     world.fluents.append(("handempty",))
     return world
-
-
-def _park(world: World, support: str, rng: np.random.Generator) -> None:
-    """Put a mobile robot in front of a support; a fixed one stays at the origin."""
-    if world.robot.mobile:
-        found = next((base for base in islice(world.parkings(support, rng), _TRIES) if base), None)
-        if found is None:
-            raise NoAnswer(f"no free place for the robot in front of `{support}`: move the tables apart")
-        world.base = found
-        world.static.append(("beside", "at_base", support))
-    world.values["at_base"] = world.base
-    world.static.append(("base", "at_base"))
-    world.fluents.append(("atbase", "at_base"))
 
 
 def _check_capacity(world: World, trays: Sequence[str], riders: Sequence[str]) -> None:
@@ -473,7 +525,7 @@ def _arrange(world: World, group: Things, names: list[str], stretch: float, rng:
             for name in names:
                 placement = Placement("world", pose(x, y, GAP, at.yaw))
                 if not (_free(world, world.start, name, placement, 0.0) and reachable(world, name, placement, rng)):
-                    raise NoAnswer(f"`{name}` collides or is out of reach at x={x:.3g}, y={y:.3g}")
+                    raise _Fixed(f"`{name}` collides or is out of reach at x={x:.3g}, y={y:.3g}")
                 _stand(world, name, placement, at.support)
         case Scatter() as scatter:
             area = scatter.area.enlarged(stretch) if scatter.area else world.supports[scatter.support].area
@@ -561,10 +613,11 @@ def _layout(
     """Uniform layouts until one has the wanted number of things in the way.
 
     On a stretched table that hardly happens: there it is drawn first which things are in the way, and each is put at
-    a uniform place where it is, or is not.
+    a uniform place where it is, or is not. Where something has been out of reach `_AGAIN` times, only that is moved.
     """
     ways = _approaches(world, clutter.target, clutter.approaches, rng)
     wanted = min(len(names) // clutter.one_in, clutter.at_most or len(names))
+    missed = 0
     for _ in range(_LAYOUTS):
         chosen = {names[i] for i in rng.permutation(len(names))[:wanted]} if stretched else set()
         layout: dict[str, Placement] = {}
@@ -580,11 +633,43 @@ def _layout(
         if len(layout) < len(names):
             continue
         touched = (sum(way.hits(world.shapes[n], p.transform) for n, p in layout.items()) for way in ways)
-        if min(touched) == wanted and all(reachable(world, n, p, rng) for n, p in layout.items()):
+        if min(touched) != wanted:
+            continue
+        if all(reachable(world, n, p, rng) for n, p in layout.items()):
+            return {name: layout[name] for name in names}
+        missed += 1
+        if missed >= _AGAIN and _brought_near(world, layout, ways, area, gap, rng):
             return {name: layout[name] for name in names}
     raise NoAnswer(
         f"none of {_LAYOUTS} layouts has exactly {wanted} of {len(names)} things in the way of `{clutter.target}`"
     )
+
+
+def _brought_near(
+    world: World,
+    layout: dict[str, Placement],
+    ways: Sequence[Swept],
+    area: Area,
+    gap: float,
+    rng: np.random.Generator,
+) -> bool:
+    """Put what is out of reach elsewhere, as much in the way; tell whether everything can then be reached."""
+    for name, placement in layout.items():
+        if not reachable(world, name, placement, rng):
+            shape, there = world.shapes[name], world.start | {n: p for n, p in layout.items() if n != name}
+            touching = [way.hits(shape, placement.transform) for way in ways]
+            others = (
+                p
+                for p in uniform_placements(area, rng)
+                if [way.hits(shape, p.transform) for way in ways] == touching
+                and _free(world, there, name, p, gap)
+                and reachable(world, name, p, rng)
+            )
+            found = next(others, None)
+            if found is None:
+                return False
+            layout[name] = found
+    return True
 
 
 def _approaches(world: World, name: str, count: int, rng: np.random.Generator) -> list[Swept]:
@@ -660,8 +745,11 @@ def _reached(
 ) -> bool:
     """Whether inverse kinematics finds, so many times in a row, an approach for some grasp of a thing."""
 
-    def reach(grasp: Grasp) -> Trajectory | None:
-        return world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+    def reach(grasp: Grasp) -> bool:
+        found = world.robot.reach_from(base.place, placement.transform @ grasp.tool, grasp.opening, rng)
+        if found is not None:
+            world.reached[placement, grasp, base] = found
+        return found is not None
 
     return any(all(reach(grasp) for _ in range(times)) for grasp in world.grasps[name])
 

@@ -18,6 +18,7 @@ from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import Array, inverse
 
 from .plans import Step, motion
+from .samplers import Reach
 from .scene import Placement, World
 
 
@@ -28,12 +29,14 @@ def plan_transits(
     step before.
 
     The fingers are as far apart as in the step that follows. `deadline` is a time of `time.monotonic`. Raises NoAnswer
-    when a motion begins or ends in a collision, LimitReached when none was found.
+    when a motion begins or ends in a collision, LimitReached when none was found. What the arm does at the step that it
+    cannot get to, or cannot leave, is then one of the things that the world's streams avoid in the future.
     """
     state = _State(world, dict(world.start))
-    configuration, before = world.robot.home.copy(), "home"
+    configuration, before, value = world.robot.home.copy(), "home", None
     for number, (action, args) in enumerate(steps, 1):
-        following = motion(world, values[args[-1]])
+        last_value, value = value, values[args[-1]]
+        following = motion(world, value)
         first, last = configuration, following.configurations[0]
         if world.robot.mobile:
             first = np.concatenate([last[:3], first[3:]])
@@ -43,6 +46,10 @@ def plan_transits(
         try:
             yield find_motion(space, first, last, rng, deadline)
         except (NoAnswer, LimitReached) as error:
+            leaving = not isinstance(value, Reach) or space.around.first_contact(first[None]) is not None
+            culprit = last_value if leaving else value
+            if isinstance(culprit, Reach):
+                world.avoided.add(culprit.digest)
             raise type(error)(f"the arm cannot go from {before} to step {number}, {step}: {error}") from None
         configuration, before = following.configurations[-1 if action in ("carry", "move") else 0], f"the end of {step}"
         state.follow(action, args, values)
