@@ -171,14 +171,14 @@ def _moving(
     start, anew = time.monotonic(), 0
     first: NoAnswer | LimitReached | None = None
     while True:
-        avoided = len(instance.world.avoided)
+        avoided = _avoided(instance)
         plan, found, failure = _with_transits(Plan.of(instance, steps), instance, start + time_limit, progress)
         first = failure and (first or failure)
         left = start + time_limit - time.monotonic()
-        if failure is None or left <= 0 or len(instance.world.avoided) == avoided:
+        if failure is None or left <= 0 or _avoided(instance) == avoided:
             break
         again = instance.task.instance(instance.size, instance.seed, robot=instance.robot)
-        again.world.avoided |= instance.world.avoided
+        again.world.avoided |= _avoided(instance)
         progress(f"{failure}; choosing the steps anew")
         try:
             steps = search(again, left)
@@ -192,6 +192,11 @@ def _moving(
         "seconds": round(time.monotonic() - start, 4),
     }
     return instance, steps, plan, moved, first
+
+
+def _avoided(instance: Instance) -> frozenset[Any]:
+    """What the streams of a world are to give no more, in domains that know of this."""
+    return frozenset(getattr(instance.world, "avoided", ()))
 
 
 def _with_transits(
