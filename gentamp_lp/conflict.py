@@ -3,21 +3,64 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import islice, product
 
 from gentamp_lp.asp import Atom, Program
 from gentamp_lp.encoding import relaxed_program
 from gentamp_lp.errors import NoAnswer
 from gentamp_lp.evidence import Evidence
 from gentamp_lp.lemmas import Theory
+from gentamp_lp.masks import bits
+
+_ATTEMPTS = 64  # choices of moves that are explained
 
 
 class NoPolicy(NoAnswer):
-    """No abstraction of the pool has a policy; `states` or `pairs` (goal, other) are what stands in the way."""
+    """No abstraction of the pool has a policy; `states` or `pairs` (goal, other) are what stands in the way.
 
-    def __init__(self, message: str, *, states: tuple[int, ...] = (), pairs: tuple[tuple[int, int], ...] = ()) -> None:
+    `attempts` say why each choice of moves in `states` fails; `minimal` whether there is proof that all are needed.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        states: tuple[int, ...] = (),
+        pairs: tuple[tuple[int, int], ...] = (),
+        attempts: tuple[Attempt, ...] = (),
+        minimal: bool = True,
+    ) -> None:
         super().__init__(message)
         self.states = states
         self.pairs = pairs
+        self.attempts = attempts
+        self.minimal = minimal
+
+
+@dataclass(frozen=True)
+class Clash:
+    """Two states that look alike to the features not `barred` before, and what their moves change differently."""
+
+    states: tuple[int, int]
+    barred: tuple[int, ...]  # features, cheapest first
+    alike: bool  # to every feature of the pool
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """Why a choice of moves (state -> transition) fails: clashes bar features, and with all others `kind` is violated.
+
+    A move must change a selected feature; those of `idle` states change none that is left. `kind` (empty: that is all)
+    is that of a lemma (`lemmas.py`), `states` those it speaks of (goal: a goal and its like).
+    """
+
+    moves: Mapping[int, int]
+    clashes: tuple[Clash, ...]
+    kind: str
+    states: tuple[int, ...]
+    idle: tuple[int, ...]
 
 
 def require_separable_goals(evidence: Evidence) -> None:
@@ -93,4 +136,29 @@ def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolic
         "complexity (--max-complexity), a word of your own (--grammar)"
         + ("" if theory.fairness == "strong-cyclic" else ", a weaker fairness (--fairness)")
     )
-    return NoPolicy("\n".join(lines), states=states)
+    attempts = tuple(
+        _attempt(theory, dict(zip((s.id for s in shown), (m.id for m in moves), strict=True)))
+        for moves in islice(product(*(state.moves for state in shown)), _ATTEMPTS)
+    )
+    return NoPolicy("\n".join(lines), states=states, attempts=attempts, minimal=minimal)
+
+
+def _attempt(theory: Theory, choice: dict[int, int]) -> Attempt:
+    """Bar what moves of states that look alike change differently, until something else goes wrong."""
+    evidence, left = theory.evidence, theory.features
+    moves = {state.id: move for state in theory.expanded for move in state.moves if move.id == choice.get(state.id)}
+    clashes: list[Clash] = []
+    while (lemmas := theory.refute(left, choice)) and lemmas[0].kind == "consistency":
+        barred: dict[tuple[int, ...], int] = {}
+        for lemma in lemmas:
+            pair = tuple(sorted(lemma.states))
+            barred[pair] = barred.get(pair, 0) | lemma.unselected
+        for (first, second), mask in barred.items():
+            by_cost = sorted(bits(mask), key=lambda i: evidence.features[i].cost)
+            alike = not (evidence.states[first] ^ evidence.states[second]) & theory.features
+            clashes.append(Clash((first, second), tuple(evidence.features[i].id for i in by_cost), alike))
+            left &= ~mask
+    idle = tuple(state for state, move in moves.items() if not (move.inc | move.dec) & left)
+    kind = lemmas[0].kind if lemmas else ""
+    wrong = evidence.confused(left) if kind == "goal" else tuple(sorted(lemmas[0].states)) if lemmas else ()
+    return Attempt(choice, tuple(clashes), kind, wrong, idle)

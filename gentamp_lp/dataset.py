@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import networkx as nx
 
 from gentamp_lp.prolog import quote
 from gentamp_lp.streams.facts import Fact
@@ -97,32 +100,27 @@ class Dataset:
 
     def describe(self, number: int, predicates: Collection[str]) -> str:
         """What `predicates` say of a state, for explanations."""
-        return f"{self.name(number)}: {self._shown(self.states[number].facts, predicates)}"
+        return f"{self.name(number)}: {self._shown(f for f in self.states[number].facts if f[0] in predicates)}"
 
-    def told(self, numbers: Collection[int], predicates: Collection[str]) -> list[str]:
-        """A sentence a state: where in which problem it is, what is done there, and what `predicates` say unlike in the
-        first of the states that is in the same problem.
-        """
-        steps = {t.source: t for t in self.transitions if t.demonstrated}
-        before = {t.target: t.source for t in steps.values()}
-        first: dict[int, int] = {}
-        return [self._told(n, steps, before, first.setdefault(self.states[n].problem, n), predicates) for n in numbers]
+    def step(self, number: int) -> str:
+        """A transition as explanations write it."""
+        t = self.transitions[number]
+        return f"{t.action}({', '.join(t.args)})"
 
-    def _told(
-        self, number: int, steps: dict[int, Transition], before: dict[int, int], other: int, names: Collection[str]
-    ) -> str:
-        start, done = number, 0
-        while start in before and not self.states[start].initial:
-            start, done = before[start], done + 1
-        text = f"{self.name(number)}"
-        if self.states[start].initial:
-            text += f" is after {done} step(s) of the demonstration" if done else " is the start"
-        if number in steps:
-            text += f"; {steps[number].action}({', '.join(steps[number].args)}) is done there"
-        if other != number:
-            only, missing = self._difference(number, other, names)
-            text += f"; unlike in state {other}: {only or 'nothing more'}, not {missing or 'anything less'}"
-        return text
+    def where(self, number: int) -> str:
+        """How many steps from the start of its problem a state is, and whether the demonstration passes there."""
+        problem = self.states[number].problem
+        starts = [n for n, s in enumerate(self.states) if s.initial and s.problem == problem]
+        for steps, road in (
+            ([t for t in self.transitions if t.demonstrated], "of the demonstration"),
+            (self.transitions, "from the start, off the demonstration"),
+        ):
+            graph = nx.DiGraph([(t.source, t.target) for t in steps])
+            graph.add_nodes_from([*starts, number])
+            away = [nx.shortest_path_length(graph, s, number) for s in starts if nx.has_path(graph, s, number)]
+            if away:
+                return f"after {min(away)} step{'s' * (min(away) > 1)} {road}" if min(away) else "the start"
+        return "not reached from the start"
 
     def name(self, number: int) -> str:
         """How explanations call a state."""
@@ -131,24 +129,26 @@ class Dataset:
         kind = "goal state" if state.goal else "state"
         return f"{kind} {number} (size {problem.size}, seed {problem.seed})"
 
-    def contrast(self, first: int, second: int, predicates: Collection[str]) -> str:
-        """What `predicates` say of one of two states only."""
-        only, other = self._difference(first, second, predicates)
-        return f"  in {self.name(first)}: {only or 'nothing more'}; in {self.name(second)}: {other or 'nothing more'}"
+    def contrast(self, first: int, second: int, predicates: Collection[str]) -> tuple[str, set[str]]:
+        """What `predicates` say of one of two states only, and which of them differ.
 
-    def _difference(self, first: int, second: int, predicates: Collection[str]) -> tuple[str, str]:
-        """What is said of the first of two states only, and of the second only."""
-        one, two = self.states[first].facts, self.states[second].facts
-        return (
-            self._shown([f for f in one if f not in two], predicates),
-            self._shown([f for f in two if f not in one], predicates),
-        )
+        In two problems the same name means different things: there only the numbers of facts are compared.
+        """
+        one, two = ([f for f in self.states[n].facts if f[0] in predicates] for n in (first, second))
+        if self.states[first].problem == self.states[second].problem:
+            only, other = [f for f in one if f not in two], [f for f in two if f not in one]
+            said = [
+                f"only in state {n}: {self._shown(facts)}" for n, facts in ((first, only), (second, other)) if facts
+            ]
+            return "; ".join(said), {self.display[name] for name, *_ in only + other}
+        counts = [Counter(self.display[name] for name, *_ in facts) for facts in (one, two)]
+        differ = sorted(name for name in counts[0] | counts[1] if counts[0][name] != counts[1][name])
+        said = [f"{counts[0][name]} facts {name} in state {first}, {counts[1][name]} in {second}" for name in differ]
+        return "; ".join(said), set(differ)
 
-    def _shown(self, facts: Iterable[Fact], predicates: Collection[str]) -> str:
+    def _shown(self, facts: Iterable[Fact]) -> str:
         return ", ".join(
-            f"{self.display[name]}({', '.join(args)})" if args else self.display[name]
-            for name, *args in facts
-            if name in predicates
+            f"{self.display[name]}({', '.join(args)})" if args else self.display[name] for name, *args in facts
         )
 
     def to_json(self) -> str:

@@ -72,6 +72,15 @@ class Evidence:
         """Return the numbers of the features in a mask."""
         return [self.features[i].id for i in bits(mask)]
 
+    def confused(self, features: int) -> tuple[int, int]:
+        """Return a goal state and another that the features of a mask do not tell apart."""
+        goals = {self.states[goal] & features: goal for goal in sorted(self.goals, reverse=True)}
+        return next(
+            (goals[values & features], state)
+            for state, values in self.states.items()
+            if state not in self.goals and values & features in goals
+        )
+
 
 def parse_evidence(facts: str) -> Evidence:
     """Read the facts (predicates in `asp/reference/defined.lp`); an InputError names the line at fault."""

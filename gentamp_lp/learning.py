@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import gentamp_lp
+from gentamp_lp.absence import absence
 from gentamp_lp.abstraction import NoPolicy, Solution, synthesize_policy
 from gentamp_lp.compile import constrained_domain, doubtful, to_text
 from gentamp_lp.dataset import Dataset
@@ -33,7 +34,6 @@ Rollout = tuple[int | str, int, str | None]  # size, seed, robot
 FIRST_LEVEL = 3  # complexity at which the pool starts; deeper levels only while they can pay
 ROLLOUT_ROUNDS = 5
 VALIDATION_SEEDS = 500  # added to the index of a validation problem, to keep it apart from training problems
-_EXPLAINED = 4  # states, or pairs of states, shown when there is no policy
 _ROLLOUT_SECONDS = 60.0  # for one problem
 _ROLLOUT_TRIES = 2  # rounds of guided planning before a roll-out counts as failed
 STAGES = ("demonstrations", "pool", "theory", "solving", "policy", "rollouts", "compilation")
@@ -288,7 +288,7 @@ def _policies(
         except NoAnswer as error:
             failure = error
             clock.seconds["solving"] += time.perf_counter() - start
-            progress(f"complexity {level}: {error}")
+            progress(f"complexity {level}: no {'cheaper ' if learned else ''}policy")
             if learned is not None:
                 learned.proved = level
         except KeyboardInterrupt:
@@ -321,7 +321,9 @@ def _policies(
             learned.proved = highest
             return
     if learned is None:
-        raise _explained(failure, data, task)
+        if isinstance(failure, NoPolicy):
+            raise NoAnswer(absence(failure, data, pool, highest, fairness, task.folder.domain.fluents))
+        raise failure or LimitReached("the time limit ended learning before a pool was searched")
 
 
 def _policy(task: Task, data: Dataset, pool: Pool, solution: Solution, facts: str) -> Policy:
@@ -335,16 +337,6 @@ def _policy(task: Task, data: Dataset, pool: Pool, solution: Solution, facts: st
         variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
         extra={"sorts": data.predicates},
     )
-
-
-def _explained(failure: NoAnswer | None, data: Dataset, task: Task) -> Exception:
-    """The failure with the concrete states it speaks of."""
-    if not isinstance(failure, NoPolicy):
-        return failure or LimitReached("the time limit ended learning before a pool was searched")
-    fluents = task.folder.domain.fluents
-    pairs = sorted((data.contrast(*pair, fluents) for pair in failure.pairs), key=len)  # the nearest say most
-    lines = pairs or data.told(failure.states, fluents)
-    return NoAnswer("\n".join([str(failure), *lines[:_EXPLAINED]]))
 
 
 def _roll_out(

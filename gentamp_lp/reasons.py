@@ -10,7 +10,7 @@ from gentamp_lp.abstraction import Solution
 from gentamp_lp.evidence import Evidence
 from gentamp_lp.lemmas import Lemma, Theory, compress
 
-_WORDS = {
+WORDS = {
     "unseen": "the policy could lead to what no seen state shows",
     "frontier": "the policy could lead where it knows no rule",
     "termination": "nothing shows that a loop of the policy ends",
@@ -64,7 +64,7 @@ def _reason(
         return "it is not needed on the training data"
     kind = lemmas[0].kind
     if kind == "goal":
-        goal, state = _confused(theory.evidence, others)
+        goal, state = theory.evidence.confused(others)
         rivals = _rivals(theory, lemmas, feature)
         return f"without it, {describe(goal)}, looks like {describe(state)}{rivals}"
     states = sorted(lemmas[0].states)
@@ -74,17 +74,7 @@ def _reason(
             f"without it, {describe(first)}, looks like {describe(second)}, but the policy does "
             f"{step(first)} in one and {step(second)} in the other"
         )
-    return f"without it, {_WORDS[kind]}: {'; '.join(describe(state) for state in states[:3])}"
-
-
-def _confused(evidence: Evidence, features: int) -> tuple[int, int]:
-    """A goal state and another that the features do not tell apart."""
-    goals = {evidence.states[goal] & features: goal for goal in sorted(evidence.goals, reverse=True)}
-    return next(
-        (goals[values & features], state)
-        for state, values in evidence.states.items()
-        if state not in evidence.goals and values & features in goals
-    )
+    return f"without it, {WORDS[kind]}: {'; '.join(describe(state) for state in states[:3])}"
 
 
 def _rivals(theory: Theory, lemmas: list[Lemma], feature: int) -> str:

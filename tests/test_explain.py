@@ -59,13 +59,32 @@ def test_reasons_name_objects(unstack: Learned) -> None:
 
 
 def test_an_absent_policy_is_explained_by_what_differs(unstack: Learned) -> None:
-    with pytest.raises(NoAnswer, match="try a higher complexity") as caught:
+    with pytest.raises(NoAnswer, match="try: deeper features") as caught:
         learn(unstack.task, max_complexity=1)
-    first = str(caught.value).splitlines()[1]
-    states = [unstack.dataset.states[int(n)] for n in re.findall(r"state (\d+) \(size", first)]
-    for state, other, shown in zip(states, reversed(states), first.split("; in "), strict=True):
+    lines = str(caught.value).splitlines()
+    numbers = [int(n) for n in re.findall(r"state (\d+) \(size", lines[1])]
+    states = [unstack.dataset.states[n] for n in numbers]
+    assert states[0].goal and not states[1].goal
+    for number, state, other, shown in zip(numbers, states, reversed(states), lines[2].split("; "), strict=True):
         facts = re.findall(r"AtPose\((\w+), (\w+)\)", shown)
+        assert f"only in state {number}: " in shown
         assert facts and all(("atpose", *f) in state.facts and ("atpose", *f) not in other.facts for f in facts)
+
+
+def test_where_a_state_is_told_by_its_distance_from_the_start(unstack: Learned) -> None:
+    """Along the demonstration the steps count up; beside it they are one more than on it."""
+    data = unstack.dataset
+    step = {t.source: t.target for t in data.transitions if t.demonstrated}
+    state = next(n for n, seen in enumerate(data.states) if seen.initial)
+    assert data.where(state) == "the start"
+    for count in range(1, 4):
+        beside = {t.target for t in data.transitions if t.source == state} - {*step, *step.values()}
+        state = step[state]
+        assert data.where(state) == f"after {count} step{'s' * (count > 1)} of the demonstration"
+        assert beside
+        assert {data.where(n) for n in beside} <= {
+            f"after {away} step{'s' * (away > 1)} from the start, off the demonstration" for away in range(1, count + 1)
+        }
 
 
 def test_an_absent_plan_is_explained_by_objects(unstack: Learned) -> None:

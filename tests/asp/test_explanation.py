@@ -9,6 +9,7 @@ from worlds import UNSTACK_SIZES, Unstack, gather
 
 from gentamp_lp.abstraction import NoPolicy, synthesize_policy
 from gentamp_lp.asp import Program
+from gentamp_lp.conflict import Clash
 from gentamp_lp.errors import InputError, LimitReached, SolverError
 from gentamp_lp.resources import resource
 
@@ -50,6 +51,9 @@ def test_like_states_with_different_moves_are_named():
     assert error.states == (1, 4)
     assert "state 1: pick" in str(error) and "state 4: put" in str(error)
     assert "states 1 and 4 look alike to every feature" in str(error)
+    (attempt,) = error.attempts
+    assert attempt.clashes == (Clash((1, 4), (1, 2), alike=True),)
+    assert attempt.moves == {1: 1, 4: 2} and attempt.idle == (1, 4)
 
 
 def test_a_move_that_changes_nothing_is_named():
@@ -60,6 +64,8 @@ def test_a_move_that_changes_nothing_is_named():
     error = failure(facts)
     assert error.states == (1,)
     assert "state 1: wait" in str(error) and "no feature of the pool changes" in str(error)
+    (attempt,) = error.attempts
+    assert not attempt.clashes and attempt.idle == (1,)
 
 
 def test_a_loop_is_named_and_weaker_fairness_accepts_it():
@@ -73,6 +79,7 @@ def test_a_loop_is_named_and_weaker_fairness_accepts_it():
     """
     error = failure(facts)
     assert error.states == (1, 2)
+    assert [(attempt.kind, attempt.states) for attempt in error.attempts] == [("termination", (1, 2))]
     assert synthesize_policy(facts, fairness="strong-cyclic").features == (1, 2)
 
 

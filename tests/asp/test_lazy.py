@@ -134,3 +134,21 @@ def test_fewer_features_than_the_pool_are_considered_after_merging():
     theory = compress(parse_evidence(facts), "qnp")
     assert theory.features == 1
     assert replace(theory, fairness="strong").refute(1, {1: 1}) == []
+
+
+def test_every_choice_of_moves_of_a_conflict_is_explained():
+    """Clashes bar features one after the other, each once; with the others something is violated."""
+    clashing = 0
+    for seed in range(150):
+        sample, fairness = Sample(random.Random(90_000 + seed)), LEVELS[seed % 3]
+        try:
+            synthesize_policy(sample.facts(), fairness=fairness)
+        except NoPolicy as error:
+            assert bool(error.attempts) == bool(error.states and not error.pairs)
+            for attempt in error.attempts:
+                assert attempt.kind != "consistency" and (attempt.kind or attempt.idle), f"sample {seed}, {fairness}"
+                assert tuple(attempt.moves) == error.states
+                barred = [feature for clash in attempt.clashes for feature in clash.barred]
+                clashing += bool(barred)
+                assert len(barred) == len(set(barred))
+    assert clashing > 5
