@@ -132,7 +132,7 @@ def learn(
     ] = None,
     grammar: GrammarOpt = None,
     max_complexity: Annotated[
-        int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
+        int | None, typer.Option("--max-complexity", min=1, help="Highest cost of a feature [that of the task file].")
     ] = None,
     transitions: TransitionsOpt = Transitions.around,
     fairness: Annotated[Fairness, typer.Option(help="Weakest guarantee to accept.")] = Fairness.qnp,
@@ -523,7 +523,7 @@ def features(
     state: Annotated[
         int | None, typer.Option("--state", min=0, help="Show what satisfies the features in this training state.")
     ] = None,
-    max_complexity: Annotated[int, typer.Option("--max-complexity", min=1, help="Bound of features.")] = 3,
+    max_complexity: Annotated[int, typer.Option("--max-complexity", min=1, help="Highest cost of a feature.")] = 3,
     size: Annotated[
         list[str] | None, typer.Option("--size", help="Problems to see, instead of the training sizes (repeatable).")
     ] = None,
