@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import tempfile
@@ -67,7 +68,9 @@ def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, re
 
 
 def require_place(folder: Path) -> None:
-    """Raise InputError if the folder holds something else than a policy bundle."""
+    """Raise InputError if the folder holds something else than a policy bundle, or is a link to nothing."""
+    if folder.is_symlink() and not os.path.exists(folder):
+        raise InputError(Diagnostic("a symbolic link that leads nowhere: not replaced", path=folder))
     if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
         raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", path=folder))
 

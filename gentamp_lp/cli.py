@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import io
 import json
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -130,7 +132,7 @@ def learn(
     ] = None,
     grammar: GrammarOpt = None,
     max_complexity: Annotated[
-        int | None, typer.Option("--max-complexity", min=1, help="Bound of features [5].")
+        int | None, typer.Option("--max-complexity", min=1, help="Highest cost of a feature [that of the task file].")
     ] = None,
     transitions: TransitionsOpt = Transitions.around,
     fairness: Annotated[Fairness, typer.Option(help="Weakest guarantee to accept.")] = Fairness.qnp,
@@ -521,7 +523,7 @@ def features(
     state: Annotated[
         int | None, typer.Option("--state", min=0, help="Show what satisfies the features in this training state.")
     ] = None,
-    max_complexity: Annotated[int, typer.Option("--max-complexity", min=1, help="Bound of features.")] = 3,
+    max_complexity: Annotated[int, typer.Option("--max-complexity", min=1, help="Highest cost of a feature.")] = 3,
     size: Annotated[
         list[str] | None, typer.Option("--size", help="Problems to see, instead of the training sizes (repeatable).")
     ] = None,
@@ -690,7 +692,7 @@ def report(
     policy = Policy.load(folder)
     known = None if plan is None else Plan.load(plan)
     learned_from = str(read_report(folder).get("settings", {}).get("task", ""))
-    own = learned_from if Path(learned_from).is_file() else policy.task
+    own = learned_from if os.path.isfile(learned_from) else policy.task
     loaded = Task.load(task or (known.task if known else own), trust=trust)
     document = collect(policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=_Progress(quiet))
     path = out or folder.absolute().with_name(f"{folder.absolute().name}-report.html")
@@ -848,8 +850,22 @@ def _options(
     pass
 
 
+def _open_streams() -> None:
+    """Let closed streams lead nowhere, and show what the locale has no signs for as escapes."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(number)
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def main() -> None:
     """Entry point of the `gentamp-lp` command."""
+    _open_streams()
     send_swallowed_again()
     try:
         app()

@@ -35,4 +35,8 @@ def replacing(path: Path) -> Iterator[Path]:
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all. Raises InputError when it cannot be written."""
     with replacing(path) as beside:
-        beside.write_text(text, encoding="utf-8", newline="\n")
+        try:
+            beside.write_text(text, encoding="utf-8", newline="\n")
+        except UnicodeEncodeError as error:
+            wrong = text[error.start : error.end]
+            raise InputError(Diagnostic(f"cannot write the file: {wrong!r} is not Unicode text", path)) from None

@@ -7,146 +7,25 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from gentamp_lp.bench import Cell, Row
 from gentamp_lp.doctor import Finding
 from gentamp_lp.explain import ExplainedFeature, ExplainedState
 from gentamp_lp.geometry.description import Description
 from gentamp_lp.listing import ListedFeature, ListedFormula
-from gentamp_lp.refinement import Failure
+from gentamp_lp.reports import Document, Failure, Fairness, LearnReport, PruningEntry
 from gentamp_lp.task import TaskFile
 
-Fairness = Literal["strong", "qnp", "strong-cyclic"]
 
-
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-
-
-class FeatureEntry(_Document):
-    """A selected feature."""
-
-    name: str
-    formula: str
-    """first-order formula in logical notation"""
-    term: str
-    """the same as a Prolog term, as in features.pl"""
-    kind: Literal["boolean", "numeric"]
-    cost: int
-    open: bool
-    """whether its value depends on how much was sampled"""
-    why: str
-    """what goes wrong without it"""
-
-
-class ActionEntry(_Document):
-    """An abstract action."""
-
-    name: str
-    schemas: list[str]
-    """the concrete actions with which it was seen"""
-    preconditions: dict[str, bool]
-    """feature: true or positive"""
-    effects: dict[str, Literal["increase", "decrease", "true", "false"]]
-
-
-class RuleEntry(_Document):
-    """What the policy does in an abstract state."""
-
-    state: dict[str, bool]
-    """feature: true or positive"""
-    action: str
-
-
-class PoolStatistics(_Document):
-    """What the feature pool holds."""
-
-    formulas: int
-    features: int
-    views_too_large: int
-    """predicates' views left out because they would not fit into memory"""
-    seconds: float
-
-
-class PruningEntry(BaseModel):
-    """What became of the formulas that a rule made at a level: counts by reason, `new` for those that were kept."""
-
-    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
-    __pydantic_extra__: dict[str, int]
-
-    level: str
-    rule: str
-
-
-class LearnSettings(_Document):
-    """What `learn` was called with; null stands for the task's own value."""
-
-    task: str
-    seed: int
-    solver_seed: int | None
-    robot: str | None
-    grammars: list[str]
-    max_complexity: int | None
-    around: bool
-    fairness: Fairness
-    unseen: Literal["drop", "refuse"]
-
-
-class LearnSeconds(_Document):
-    """Wall-clock time of the stages."""
-
-    demonstrations: float
-    pool: float
-    theory: float
-    solving: float
-    policy: float
-    rollouts: float
-    compilation: float
-    total: float
-
-
-class LearnReport(_Document):
-    """What `learn --json` prints, and report.json of a policy bundle."""
-
-    task: str
-    version: str
-    features: list[FeatureEntry]
-    actions: list[ActionEntry]
-    policy: list[RuleEntry]
-    fairness: Fairness
-    """the level that the certificate proves"""
-    optimal: bool
-    cost: int
-    bound: int
-    """proved lower bound of the cost, at `complexity`"""
-    complexity: int
-    """of the pool from which the features come"""
-    proved_complexity: int
-    """no cheaper abstraction exists among features up to this complexity"""
-    states: int
-    transitions: int
-    problems: int
-    pool_size: int
-    pool_statistics: PoolStatistics
-    pruning: list[PruningEntry]
-    refinement_rounds: int
-    refined_on: list[Failure]
-    validation: list[str]
-    """sizes on which the policy was tried"""
-    notes: list[str]
-    settings: LearnSettings
-    seconds: LearnSeconds
-
-
-class StreamCalls(_Document):
+class StreamCalls(Document):
     """How often a stream was called, and how often it gave something."""
 
     calls: int
     successes: int
 
 
-class SolveReport(_Document):
+class SolveReport(Document):
     """What `solve --json` prints."""
 
     task: str
@@ -182,21 +61,21 @@ class SolveReport(_Document):
     `anew` for want of one, and the `seconds`"""
 
 
-class Decision(_Document):
+class Decision(Document):
     """What the policy does in a state."""
 
     state: str
     action: str
 
 
-class ProblemSize(_Document):
+class ProblemSize(Document):
     """How large the problem was."""
 
     states: int
     choices: int
 
 
-class SynthesisReport(_Document):
+class SynthesisReport(Document):
     """What `synthesize --json` prints."""
 
     solvable: bool | None
@@ -215,14 +94,14 @@ class SynthesisReport(_Document):
     """why there is no policy"""
 
 
-class PlanStep(_Document):
+class PlanStep(Document):
     """A step of a plan."""
 
     action: str
     args: list[str]
 
 
-class PlanFile(_Document):
+class PlanFile(Document):
     """A plan with all that its check needs: the sampled values of its steps and what streams certified of them."""
 
     format: Literal["gentamp-lp plan 1"]
@@ -240,7 +119,7 @@ class PlanFile(_Document):
     """with `--motion`: the way to the beginning of each step, as waypoints in the robot's configuration"""
 
 
-class CertificateRule(_Document):
+class CertificateRule(Document):
     """What the policy does in a state, and what may come of it."""
 
     state: str
@@ -252,21 +131,21 @@ class CertificateRule(_Document):
     """fairness constraints that the action breaks: counts that it raises"""
 
 
-class Deletion(_Document):
+class Deletion(Document):
     """A step of the proof that the policy ends: among these states the constraint removes its actions."""
 
     constraint: str
     states: list[str]
 
 
-class SourceText(_Document):
+class SourceText(Document):
     """A file of the problem."""
 
     name: str
     text: str
 
 
-class Certificate(_Document):
+class Certificate(Document):
     """A policy and why it is right, with the text of its problem."""
 
     format: Literal["gentamp-lp policy certificate"]
@@ -279,7 +158,7 @@ class Certificate(_Document):
     sources: list[SourceText]
 
 
-class FeaturesReport(_Document):
+class FeaturesReport(Document):
     """What `features --json` prints."""
 
     task: str
@@ -295,7 +174,7 @@ class FeaturesReport(_Document):
     pruning: list[PruningEntry]
 
 
-class LearningTime(_Document):
+class LearningTime(Document):
     """Seconds of learning without demonstrations, and the paper's."""
 
     task: str
@@ -303,7 +182,7 @@ class LearningTime(_Document):
     paper: float | None
 
 
-class BenchReport(_Document):
+class BenchReport(Document):
     """What `bench --json` prints."""
 
     results: str
@@ -313,7 +192,7 @@ class BenchReport(_Document):
     learning: list[LearningTime]
 
 
-class ValidateReport(_Document):
+class ValidateReport(Document):
     """What `validate --json` prints."""
 
     file: str
@@ -321,7 +200,7 @@ class ValidateReport(_Document):
     problems: list[str]
 
 
-class ExplainReport(_Document):
+class ExplainReport(Document):
     """What `explain --json` prints."""
 
     features: list[ExplainedFeature]
@@ -329,7 +208,7 @@ class ExplainReport(_Document):
     """the states of the plan, with `--state`"""
 
 
-class CompileReport(_Document):
+class CompileReport(Document):
     """What `compile --json` prints."""
 
     domain: str
@@ -343,7 +222,7 @@ class CompileReport(_Document):
     """copy of an action: the features that a `check` action has to look at (encoding `local`), and why"""
 
 
-class CheckReport(_Document):
+class CheckReport(Document):
     """What `check --json` prints."""
 
     files: list[str]
@@ -351,7 +230,7 @@ class CheckReport(_Document):
     """file:line: message"""
 
 
-class DoctorReport(_Document):
+class DoctorReport(Document):
     """What `doctor --json` prints."""
 
     ok: bool
@@ -359,7 +238,7 @@ class DoctorReport(_Document):
     findings: list[Finding]
 
 
-class AbstractState(_Document):
+class AbstractState(Document):
     """An abstract state on the report page."""
 
     state: str
@@ -370,14 +249,14 @@ class AbstractState(_Document):
     outcomes: list[str]
 
 
-class Ending(_Document):
+class Ending(Document):
     """A step of the proof that the policy ends: the feature falls and never rises among these states."""
 
     feature: str
     states: list[str]
 
 
-class View(_Document):
+class View(Document):
     """Where the picture of a plan is taken from."""
 
     eye: tuple[float, float, float]
@@ -387,7 +266,7 @@ class View(_Document):
     """degrees"""
 
 
-class AnimatedPlan(_Document):
+class AnimatedPlan(Document):
     """A plan for the viewer of the page."""
 
     viewer: str
@@ -397,7 +276,7 @@ class AnimatedPlan(_Document):
     camera: View
 
 
-class RunOnPage(_Document):
+class RunOnPage(Document):
     """A demonstration, or the plan."""
 
     title: str
@@ -405,7 +284,7 @@ class RunOnPage(_Document):
     animation: AnimatedPlan | None
 
 
-class PageReport(_Document):
+class PageReport(Document):
     """What `report --json` prints: the data of the page."""
 
     file: str

@@ -100,6 +100,8 @@ class Plan:
             raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
         except json.JSONDecodeError as error:
             raise InputError(Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)) from None
+        except RecursionError:
+            raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
         except (KeyError, TypeError, ValueError) as error:
             hint = "write plans with `gentamp-lp solve --out`"
             raise InputError(Diagnostic(f"not a plan file: {error!r}", path, hint=hint)) from None

@@ -41,6 +41,7 @@ class Prolog:
             from pyswip import Prolog as Engine
 
             self._engine: Any = Engine()
+            self._ask("set_prolog_flag(encoding, utf8)")  # whatever the locale
             self._ask(f"consult({quote(resource('logic', 'bridge.pl'))})")
         except Exception as error:  # pyswip raises anything from OSError to SystemExit's cousins
             raise InputError(Diagnostic(f"SWI-Prolog cannot be started: {error}", hint=_HINT)) from error
@@ -129,8 +130,9 @@ class PrologProcess:
 
     def _call(self, method: str, argument: str, time_limit: float | None) -> str:
         assert self._child.stdin is not None and self._child.stdout is not None
-        timer = threading.Timer(max(0.0, time_limit), self._expire) if time_limit is not None else None
-        if timer:
+        timer = None
+        if time_limit is not None and time_limit < threading.TIMEOUT_MAX:
+            timer = threading.Timer(max(0.0, time_limit), self._expire)
             timer.daemon = True
             timer.start()
         try:

@@ -7,26 +7,18 @@ problems and lists them as `refined_on` in the new bundle's `report.json` (count
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.reports import Failure, read_report
+
+__all__ = ["Failure", "read_report", "record", "recorded", "settings"]
 
 _FILE = "failures.jsonl"
 _SETTINGS = {"task", "seed", "solver_seed", "robot", "grammars", "max_complexity", "around", "fairness", "unseen"}
 _FIELDS = {"size": str, "seed": int, "robot": str, "reason": str}
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A problem, and why a policy could not be followed on it."""
-
-    size: str
-    seed: int
-    robot: str
-    reason: str
 
 
 def record(folder: Path, failure: Failure) -> None:
@@ -44,16 +36,6 @@ def record(folder: Path, failure: Failure) -> None:
 def recorded(folder: Path) -> list[Failure]:
     """What a bundle was refined on, then what failed since. Raises InputError for a damaged file."""
     return [*_refined_on(folder), *_failed(folder / _FILE)]
-
-
-def read_report(folder: Path) -> Mapping[str, Any]:
-    """The report of a bundle, empty if there is none. Raises InputError when it is damaged."""
-    path = folder / "report.json"
-    try:
-        report = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(Diagnostic(f"cannot read the report: {error}", path)) from None
-    return report if isinstance(report, dict) else {}
 
 
 def settings(folder: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -189,10 +190,10 @@ def shipped_tasks() -> list[str]:
 
 def _find(name: str | Path) -> Path:
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):  # unlike Path.is_file, False for impossible names
         return path
     shipped = resource("tasks", f"{name}.yaml")
-    if path.suffix == "" and len(path.parts) == 1 and shipped.is_file():
+    if path.suffix == "" and len(path.parts) == 1 and os.path.isfile(shipped):
         return shipped
     hint = f"give the path of a task file or one of: {', '.join(shipped_tasks())}"
     raise InputError(Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint))
@@ -205,7 +206,9 @@ def _read_yaml(path: Path) -> Any:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
         raise InputError(Diagnostic(f"not valid YAML: {error.problem}", path, line, column)) from None
-    except (YAMLError, OSError, UnicodeDecodeError, TypeError) as error:  # TypeError: a list as a key
+    except RecursionError:
+        raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
+    except (YAMLError, OSError, ValueError, TypeError, KeyError) as error:  # the last three: values unlike their tags
         raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
 
 

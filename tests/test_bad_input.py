@@ -1,7 +1,9 @@
 """What people get wrong: every mistake ends in a sentence and an exit code, never in a traceback or half a file."""
 
+import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -87,6 +89,18 @@ class Place:
         text = (self.folder / name).read_text(encoding="utf-8")
         assert old in text, (name, old)
         self.write(name, text.replace(old, new))
+        return name
+
+    def setting(self, name, value):
+        """Change a setting in the bundle's report."""
+        path = self.folder / "runs/unstack/report.json"
+        report = json.loads(path.read_text(encoding="utf-8"))
+        report["settings"][name] = value
+        path.write_text(json.dumps(report), encoding="utf-8")
+        return "runs/unstack"
+
+    def loop(self, name):
+        (self.folder / name).symlink_to(name)
         return name
 
     def coins(self, body="return (coin + 1,)", domain=DOMAIN, stream=STREAM, code=CODE, task=COINS):
@@ -267,6 +281,40 @@ CASES = {
     "plan that is no JSON": (lambda p: ["validate", p.write("plan.json", "{")], "plan.json:1", "JSON"),
     "plan of an unknown format": (
         lambda p: ["validate", p.edit("plan.json", "gentamp-lp plan 1", "plan 9")], "plan.json", "plan 9"),
+    # --- hostile YAML and JSON
+    "deeply nested YAML": (lambda p: ["learn", p.write("task.yaml", "[" * 20000 + "]" * 20000)], "task.yaml", "nested"),
+    "YAML with a number of 5000 digits": (
+        lambda p: ["learn", p.write("task.yaml", UNSTACK + "\nmax_complexity: " + "9" * 5000)], "task.yaml", "digits"),
+    "YAML with an impossible date": (
+        lambda p: ["learn", p.task("name: unstack", "name: 2020-99-99")], "task.yaml", "month"),
+    "YAML with a tag that does not fit": (
+        lambda p: ["learn", p.task("name: unstack", "name: !!bool maybe")], "task.yaml", "maybe"),
+    "deeply nested plan": (lambda p: ["validate", p.write("plan.json", "[" * 100000)], "plan.json", "nested"),
+    "plan with a number of 5000 digits": (
+        lambda p: ["validate", p.write("plan.json", "9" * 5000)], "plan.json", "digits"),
+    "deeply nested report": (
+        lambda p: ["explain", p.write("runs/unstack/report.json", "[" * 100000) and "runs/unstack"],
+        "report.json", "nested"),
+    "report with a number of 5000 digits": (
+        lambda p: ["explain", p.write("runs/unstack/report.json", "9" * 5000) and "runs/unstack"],
+        "report.json", "digits"),
+    "report that is a list": (
+        lambda p: ["explain", p.write("runs/unstack/report.json", "[]") and "runs/unstack"], "report.json", "object"),
+    **{
+        f"report with wrong {name}": (
+            lambda p, name=name, value=value: [
+                "report", p.write("runs/unstack/report.json", json.dumps({name: value})) and "runs/unstack"],
+            "report.json", name)
+        for name, value in {"features": 3, "settings": "x", "notes": 3, "pruning": "abc", "seconds": [1]}.items()
+    },
+    **{
+        f"report with settings of wrong {name}": (
+            lambda p, name=name, value=value: ["report", p.setting(name, value)], "report.json", name)
+        for name, value in {"seed": -5, "robot": ["panda"], "grammars": [3]}.items()
+    },
+    "report that is not Unicode": (
+        lambda p: ["report", p.write("runs/unstack/report.json", '{"notes": ["\\ud800"]}') and "runs/unstack"],
+        "report.html", "Unicode"),
     "plan without steps": (lambda p: ["validate", p.edit("plan.json", '"steps"', '"stpes"')], "plan.json", "steps"),
     "plan with a list as action": (
         lambda p: ["validate", p.edit("plan.json", '"action": "pick"', '"action": ["pick"]')], "pick", ""),
@@ -287,6 +335,9 @@ CASES = {
     "output is somebody's folder": (
         lambda p: ["learn", "unstack", "-q", "--out", p.write("own/notes.txt", "mine") and "own"],
         "own", "not replaced"),
+    "output is a link to nowhere": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.loop("loop")], "loop", "leads nowhere"),
+    "task name of 5000 characters": (lambda p: ["learn", "a/" + "b" * 5000], "bbb", "no such"),
     "plan into a file's folder": (
         lambda p: ["solve", "unstack", "--size", "2", "-q", "--out", p.write("taken", "mine") + "/plan.json"],
         "taken", "cannot write"),
@@ -309,3 +360,25 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert first in said and second in said, said
     after = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file() and p.suffix != ".pyc"}
     assert after == before, f"left behind: {set(after) ^ set(before)}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "redirect", "environment"),
+    [
+        ("explain runs/unstack", ">&-", {}),
+        ("features unstack --max-complexity 1", ">&-", {}),
+        ("explain runs/unstack", "2>&- <&-", {}),
+        ("explain runs/unstack", "", {"PYTHONIOENCODING": "ascii"}),
+        ("features unstack --max-complexity 1", "", {"PYTHONIOENCODING": "latin-1"}),
+        ("features unstack --max-complexity 1", "", {"LC_ALL": "C"}),
+        ("features unstack --max-complexity 1", "", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}),
+        ("features unstack --max-complexity 1 --time-limit inf", "", {}),
+    ],
+)
+def test_a_poor_terminal_is_no_mistake(arguments, redirect, environment, place):
+    """Closed streams and locales without the signs of logic change what is seen, not whether it works."""
+    command = f'"{sys.executable}" -m gentamp_lp {arguments} {redirect}'
+    done = subprocess.run(["sh", "-c", command], env={**os.environ, **environment}, capture_output=True, timeout=60)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0 and b"Traceback" not in said, said.decode(errors="replace")
+    assert ">&-" in redirect or said

@@ -52,7 +52,7 @@ def load_certificate(file: Path) -> dict[str, Any] | None:
     """Return the certificate in a file; None if the file is something else."""
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) and document.get("format") == FORMAT else None
 
