@@ -62,10 +62,8 @@ def _conflict(failure: NoPolicy, data: Dataset, pool: Pool, fluents: Collection[
         f"none answers for {together}"
         + ("" if failure.minimal else " (perhaps fewer would do: the time for that ended)")
     ]
-    steps = {n: [i for i, t in enumerate(data.transitions) if t.demonstrated and t.source == n] for n in states}
-    lines += [
-        f"{data.name(n)}, {data.where(n)}: {' or '.join(data.step(i) for i in steps[n])} is done there" for n in states
-    ]
+    steps = {n: [t for t in data.transitions if t.demonstrated and t.source == n] for n in states}
+    lines += [f"{data.name(n)}, {data.where(n)}: {' or '.join(map(str, steps[n]))} is done there" for n in states]
     if len(failure.states) > _STATES:
         lines.append(f"and {len(failure.states) - _STATES} more")
     alike = {clash.states for attempt in failure.attempts for clash in attempt.clashes if clash.alike}
@@ -85,7 +83,7 @@ def _conflict(failure: NoPolicy, data: Dataset, pool: Pool, fluents: Collection[
 def _fails(attempt: Attempt, data: Dataset, pool: Pool, named: bool) -> Iterable[str]:
     """Why a choice of steps fails."""
     if named:
-        yield f"with {', '.join(data.step(t) for t in attempt.moves.values())}:"
+        yield f"with {', '.join(str(data.transitions[t]) for t in attempt.moves.values())}:"
     for clash in attempt.clashes[:_PAIRS]:
         features = [f"`{_feature(f, data, pool)}`" for f in clash.barred[:_FEATURES]]
         more = f" and {len(clash.barred) - _FEATURES} more" if len(clash.barred) > _FEATURES else ""

@@ -66,14 +66,7 @@ class Program:
         for file in files:
             if not file.is_file():
                 raise InputError(f"no such ASP file: {file}")
-        try:
-            with Held():
-                for file in files:
-                    self._control.load(str(file))
-                self._control.add("base", [], facts)
-                self._control.ground([("base", [])])
-        except RuntimeError as error:
-            raise SolverError("\n".join([str(error), *self.messages])) from error
+        _ground(self._control, files, facts, self.messages)
         if self._lazy is not None:
             self._control.register_propagator(self._lazy)
 
@@ -178,14 +171,7 @@ def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -
     """
     messages: list[str] = []
     control = clingo.Control(["--warn=all"], logger=lambda code, message: messages.append(message.strip()))
-    try:
-        with Held():
-            for file in files:
-                control.load(str(file))
-            control.add("base", [], facts)
-            control.ground([("base", [])])
-    except RuntimeError as error:
-        raise SolverError("\n".join([str(error), *messages])) from error
+    _ground(control, files, facts, messages)
     if messages:
         raise SolverError("\n".join(messages))
     return {
@@ -195,6 +181,18 @@ def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -
         )
         for name, arity in wanted.items()
     }
+
+
+def _ground(control: clingo.Control, files: Iterable[Path], facts: str, messages: list[str]) -> None:
+    """Load and ground a program; what clingo says of it is among the messages."""
+    try:
+        with Held():
+            for file in files:
+                control.load(str(file))
+            control.add("base", [], facts)
+            control.ground([("base", [])])
+    except RuntimeError as error:
+        raise SolverError("\n".join([str(error), *messages])) from error
 
 
 class _Lazy(clingo.Propagator):

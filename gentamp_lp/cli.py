@@ -269,7 +269,8 @@ def solve(
     from gentamp_lp.planning import skeleton_of
     from gentamp_lp.planning import solve as run
     from gentamp_lp.policy import Policy
-    from gentamp_lp.refinement import Failure, record
+    from gentamp_lp.refinement import record
+    from gentamp_lp.reports import Failure
     from gentamp_lp.task import Task
 
     loaded = Task.load(task, trust=trust)
@@ -684,9 +685,9 @@ def report(
     from gentamp_lp.files import write_text
     from gentamp_lp.plan import Plan
     from gentamp_lp.policy import Policy
-    from gentamp_lp.refinement import read_report
     from gentamp_lp.report import page
     from gentamp_lp.report import report as collect
+    from gentamp_lp.reports import read_report
     from gentamp_lp.task import Task
 
     policy = Policy.load(folder)

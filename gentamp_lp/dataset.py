@@ -51,6 +51,10 @@ class Transition:
     args: tuple[str, ...]
     demonstrated: bool
 
+    def __str__(self) -> str:
+        """The step, as explanations write it."""
+        return f"{self.action}({', '.join(self.args)})"
+
 
 @dataclass
 class Dataset:
@@ -101,11 +105,6 @@ class Dataset:
     def describe(self, number: int, predicates: Collection[str]) -> str:
         """What `predicates` say of a state, for explanations."""
         return f"{self.name(number)}: {self._shown(f for f in self.states[number].facts if f[0] in predicates)}"
-
-    def step(self, number: int) -> str:
-        """A transition as explanations write it."""
-        t = self.transitions[number]
-        return f"{t.action}({', '.join(t.args)})"
 
     def where(self, number: int) -> str:
         """How many steps from the start of its problem a state is, and whether the demonstration passes there."""

@@ -13,7 +13,7 @@ from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import Features, valuation
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Feature, Policy, Rule
-from gentamp_lp.refinement import read_report
+from gentamp_lp.reports import read_report
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.incremental import quota_for, sample, simulate
 from gentamp_lp.streams.semantics import Program, State, View, reads
@@ -126,7 +126,7 @@ def retrace(policy: Policy, data: Dataset, task: Task) -> list[list[ExplainedSta
         number: int | None = first
         while number is not None:
             state, step = data.states[number], next_step.get(number)
-            shown = f"{step.action}({', '.join(step.args)})" if step else ""
+            shown = str(step or "")
             found[state.problem].append(_explained(policy, features, see(number), shown, state.goal))
             number = step.target if step else None
     return found

@@ -26,7 +26,7 @@ from gentamp_lp.openness import Openness
 from gentamp_lp.policy import Policy
 from gentamp_lp.pool import Pool, check_grammars, deepen, describe, split_formula
 from gentamp_lp.reasons import reasons
-from gentamp_lp.refinement import Failure
+from gentamp_lp.reports import Failure
 from gentamp_lp.task import Instance, Task
 
 Progress = Callable[[str], None]
@@ -125,7 +125,7 @@ class Learned:
         see = recorded(self.dataset, self.task, Features.of(self.policy.features))
 
         def step(state: int) -> str:
-            return f"{chosen[state].action}({', '.join(chosen[state].args)})"
+            return str(chosen[state])
 
         found = reasons(
             self.solution,

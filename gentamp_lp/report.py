@@ -18,7 +18,7 @@ from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.explain import ExplainedState, explain, purpose, retrace, trace
 from gentamp_lp.plan import Plan
 from gentamp_lp.policy import Policy
-from gentamp_lp.refinement import read_report
+from gentamp_lp.reports import read_report
 from gentamp_lp.task import Task
 from gentamp_lp.validate import adopt, validate
 

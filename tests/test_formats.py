@@ -15,7 +15,8 @@ from gentamp_lp.bench import NAMES
 from gentamp_lp.cli import app
 from gentamp_lp.formats import FORMATS, schema
 from gentamp_lp.planning import solve
-from gentamp_lp.refinement import Failure, record
+from gentamp_lp.refinement import record
+from gentamp_lp.reports import Failure
 from gentamp_lp.synthesis import read_problem, synthesize
 from gentamp_lp.synthesis.explaining import explain
 from gentamp_lp.synthesis.report import report

@@ -10,6 +10,10 @@ import pytest
 from gentamp_lp.interrupts import Held
 
 
+def python(program):
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+
+
 def test_ctrl_c_waits_for_the_end_of_the_block():
     reached = False
     with pytest.raises(KeyboardInterrupt), Held() as held:
@@ -55,7 +59,7 @@ def test_ctrl_c_while_a_search_starts_does_not_leave_it_behind():
         "except KeyboardInterrupt:\n"
         "    sys.exit(130)\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    done = python(program)
     assert done.returncode == 130, done.stderr
 
 
@@ -71,7 +75,7 @@ def test_ctrl_c_is_not_lost_in_a_finalizer(again):
         "time.sleep(0.5)\n"
         "print('lost')\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    done = python(program)
     assert (done.stdout == "") == again
     assert (done.returncode != 0) == again
 
@@ -90,7 +94,7 @@ def test_ctrl_c_while_prolog_starts_is_ours():
         "except KeyboardInterrupt:\n"
         "    sys.exit(130)\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    done = python(program)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
@@ -105,5 +109,5 @@ def test_ctrl_c_while_the_command_is_imported_gives_no_traceback():
         "from gentamp_lp.__main__ import main\n"
         "main()\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    done = python(program)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

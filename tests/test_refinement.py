@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from gentamp_lp.errors import InputError
-from gentamp_lp.refinement import Failure, record, recorded, settings
+from gentamp_lp.refinement import record, recorded, settings
+from gentamp_lp.reports import Failure
 from gentamp_lp.resources import resource
 
 FAILURE = Failure("5", 0, "panda", "no rule")

@@ -41,7 +41,8 @@ def robot(request):
 
 
 EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "04-own-robot" / "arm.yaml"
-PR2 = pytest.param("pr2", marks=pytest.mark.skipif(not installed("example-robot-data"), reason="no extra `robots`"))
+needs_pr2 = pytest.mark.skipif(not installed("example-robot-data"), reason="no extra `robots`")
+PR2 = pytest.param("pr2", marks=needs_pr2)
 
 
 @pytest.fixture(scope="module")

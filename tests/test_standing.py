@@ -1,24 +1,14 @@
 """Where robots that drive stand: all supports are in reach from there, and what has a given place."""
 
-from importlib.metadata import PackageNotFoundError, distribution
 from typing import Any
 
 import numpy as np
 import pytest
+from test_robots import needs_pr2
 
 from gentamp_lp.errors import NoAnswer
 from gentamp_lp.resources import resource
 from gentamp_lp.task import Instance, Task
-
-
-def installed(package: str) -> bool:
-    try:
-        return bool(distribution(package))
-    except PackageNotFoundError:
-        return False
-
-
-needs_pr2 = pytest.mark.skipif(not installed("example-robot-data"), reason="no extra `robots`")
 
 
 def areas(instance: Instance, field: str) -> list[object]:

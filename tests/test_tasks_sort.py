@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
-from test_standing import needs_pr2
+from test_robots import needs_pr2
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.learning import Learned, learn

@@ -6,13 +6,13 @@ import math
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from test_robots import needs_pr2
 
 from gentamp_lp.errors import NoAnswer
 from gentamp_lp.geometry.mobile import drive
@@ -161,9 +161,7 @@ def test_a_load_that_stands_too_high_is_seen_while_driving() -> None:
     assert any("thing is" in fault and "inside wall" in fault for fault in faults)
 
 
-@pytest.mark.skipif(
-    not any(d.name == "example-robot-data" for d in distributions()), reason="the PR2 comes with the extra `robots`"
-)
+@needs_pr2
 def test_places_for_trays_are_those_from_which_an_arm_can_unload() -> None:
     """The PR2 reaches both cells of every tray that it puts down; without that, many places strand its load."""
     world = Task.load("transport").instance("2-2", 0, robot="pr2").world

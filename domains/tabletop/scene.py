@@ -320,7 +320,7 @@ class World:
     @property
     def obstacles(self) -> list[tuple[Shape, Array]]:
         """What drives keep clear of: the tables, with space for what stands on them."""
-        return [rooms.table(*spans, rooms.LOADED) for spans in _spans(self.supports)]
+        return standing.obstacles(_spans(self.supports))
 
     def fits(self, name: str, support: str, placement: Placement) -> bool:
         """Whether a thing stands wholly on a table of finite size."""

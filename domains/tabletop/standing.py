@@ -11,8 +11,8 @@ import numpy as np
 
 from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.robots import Robot
-from gentamp_lp.geometry.shapes import GAP, box
-from gentamp_lp.geometry.transforms import pose
+from gentamp_lp.geometry.shapes import GAP, Shape, box
+from gentamp_lp.geometry.transforms import Array, pose
 
 from . import rooms
 
@@ -69,9 +69,14 @@ def parkings(
     """Places for a mobile robot in front of an area, without end; None for each one in the tables under the areas."""
     if not isinstance(robot, Mobile):
         return
-    tables = [rooms.table(*other, rooms.LOADED) for other in areas]
+    tables = obstacles(areas)
     for base in rooms.parking(robot, *area, rng):
         yield base if rooms.clear(robot, rooms.Way(base.place[None], robot.opening), tables) else None
+
+
+def obstacles(areas: Iterable[Rectangle]) -> list[tuple[Shape, Array]]:
+    """What robots that drive keep clear of: the tables under the areas, with space for what stands on them."""
+    return [rooms.table(*area, rooms.LOADED) for area in areas]
 
 
 def _reached(robot: Robot, base: rooms.Base, areas: tuple[Rectangle, ...], most: float) -> float | None:

@@ -280,8 +280,10 @@ class Engine:
         elif self.options.adaptive and world.made and self._sample_all():
             pass
         elif world.made:
-            drawn = f"no plan over {len(self.base.values)} objects"
-            raise NoAnswer(f"{drawn}, even if all tests and streams not tried yet gave what is wished for")
+            raise NoAnswer(
+                f"no plan over {len(self.base.values)} objects, "
+                "even if all tests and streams not tried yet gave what is wished for"
+            )
         else:
             raise NoAnswer("no plan: all streams are exhausted")
 

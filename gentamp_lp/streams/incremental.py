@@ -54,10 +54,10 @@ def quota_for(base: FactBase, predicates: Iterable[str], samples: Mapping[str, i
 
 def run_tests(base: FactBase, deadline: float) -> None:
     """Evaluate every test stream on all its inputs. Raises LimitReached at the deadline."""
+    check_time = partial(_check, deadline, "the time limit ended the tests")
     for stream in base.streams:
         if not stream.decides:
             continue
-        check_time = partial(_check, deadline, "the time limit ended the tests")
         for inputs in base.inputs(stream, check_time):
             check_time()
             base.run_test(stream, inputs)
