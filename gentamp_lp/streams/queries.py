@@ -326,7 +326,7 @@ def _each(joins: list[_Join]) -> Loop:
 
 
 def _some(joins: list[_Join]) -> Test:
-    """Whether there is a solution, of joins without loops; sharing the loop of `_each` costs up to a third more time."""
+    """Whether there is a solution, of joins without loops; sharing `_each`'s loop costs up to a third more time."""
     if len(joins) > 1:
         one, others = _some(joins[:1]), _some(joins[1:])
         return lambda env: one(env) or others(env)
