@@ -29,6 +29,7 @@ from gentamp_lp.streams.optimism import (
     TooManyCalls,
     World,
     hopeful_problem,
+    in_order,
     relevant_streams,
     split,
 )
@@ -37,8 +38,8 @@ from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.streams.support import Needs, plan_needs
 
-#: Placeholders of one call, and steps that chains of calls get longer by, before the search is given up.
-MAX_COPIES = 4
+COPIES = (1, 2, 4)  # placeholders of one call; more when there is no plan
+UNROLLED = 3  # times that streams feed themselves at first
 MAX_LEVELS = 10
 TRIES = 10  # with other samples for a plan that is too dear or that the real facts refute
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
@@ -97,7 +98,8 @@ class Engine:
         self.deadline = time.monotonic() + options.time_limit
         self.rng = random.Random(options.seed)
         relevant = relevant_streams(self.program, self.goal, self.base)
-        self.streams = [s for s in self.base.streams if not s.decides and s.name in relevant]
+        ordered, recursive = in_order((s for s in self.base.streams if s.name in relevant), self.program.domain)
+        self.streams = [s for s in ordered if not s.decides]
         self.lazy = [s for s in self.streams if options.adaptive or s.fluents]
         of_state = {a.predicate for s in self.streams if s.fluents for a in s.certified}
         for stream in self.streams:
@@ -106,10 +108,14 @@ class Engine:
                     Diagnostic(f"stream `{stream.name}` takes what a stream with `:fluents` gives", None, stream.line,
                                hint="let actions read it instead")
                 )  # fmt: skip
-        self.hopes = Hopes(depth=len(self.streams) + 1)
+        self.longest = len(self.streams) + 1 if recursive else 1
+        self.rungs = [(copies, self.longest + number) for number, copies in enumerate(COPIES)]
+        if self.longest > UNROLLED:
+            self.rungs.insert(0, (1, UNROLLED))
+        self.hopes = Hopes()
+        self._climb(0)
         self.searches = options.searches
         self.few_tests = FEW_TESTS
-        self.max_copies = MAX_COPIES
         self.focusing = True
         self.exact = False
         self.effort = 1
@@ -162,22 +168,27 @@ class Engine:
                 try:
                     return world(self.hopes)
                 except TooManyCalls:
-                    if self.hopes.copies == 1:
+                    if self.rung == 0:
                         raise
-                    self.hopes.copies = self.max_copies = self.hopes.copies // 2
-                    self.hopes.depth -= 1
+                    del self.rungs[self.rung :]
+                    self._climb(self.rung - 1)
 
         if not self.focusing:
             return whole(), False
         try:
             return world(self.hopes, most=MANY_CALLS), False
         except TooManyCalls:
-            coarse = world(Hopes(depth=self.hopes.depth, hidden=self.hopes.hidden, coarse=True))
+            coarse = world(Hopes(depth=self.longest, hidden=self.hopes.hidden, coarse=True))
             steps = self._plan(coarse)
             if steps is None:
                 self.focusing = False
                 return whole(), False
             return world(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
+
+    def _climb(self, rung: int) -> None:
+        """Assume so many outputs of each stream call and so long chains of calls."""
+        self.rung = rung
+        self.hopes.copies, self.hopes.depth = self.rungs[rung]
 
     def _left(self) -> float:
         left = self.deadline - time.monotonic()
@@ -273,10 +284,10 @@ class Engine:
             self.exact = True
         elif not self.options.adaptive and self._more_samples():
             pass
-        elif self.options.adaptive and world.made and self.hopes.copies < self.max_copies:
-            self.hopes.copies *= 2
-            self.hopes.depth += 1
-            self.options.progress(f"no plan: assuming {self.hopes.copies} outputs of each stream call")
+        elif self.options.adaptive and world.made and self.rung + 1 < len(self.rungs):
+            self._climb(self.rung + 1)
+            copies, depth = self.rungs[self.rung]
+            self.options.progress(f"no plan: assuming {copies} output(s) of each stream call, {depth} rounds of calls")
         elif self.options.adaptive and world.made and self._sample_all():
             pass
         elif world.made:

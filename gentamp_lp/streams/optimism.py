@@ -8,10 +8,13 @@ does, so that the planner misses no plan. What a plan hopes for is then found ou
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count, islice
 from typing import Any
+
+import networkx as nx
 
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, failed
@@ -218,7 +221,7 @@ class World(FactBase):
                 if key in self.made:
                     continue
                 if len(self.made) >= self.most:
-                    raise TooManyCalls(f"more than {self.most} stream calls are possible: `incremental` assumes none")
+                    raise TooManyCalls(self._too_many())
                 outputs = self.hopes.outputs(stream, key)
                 values = self._hoped_values(key, outputs)
                 if values is None:
@@ -236,6 +239,13 @@ class World(FactBase):
         for fact, call in certified.items():
             if self.add(fact):
                 self.maker[fact] = call
+
+    def _too_many(self) -> str:
+        (name, number), *_ = Counter(key[0] for key in self.made).most_common(1)
+        return (
+            f"more than {self.most} stream calls are possible, {number} of them calls of `{name}`: "
+            f"narrow its `:domain` down, or try `incremental`, which assumes no calls"
+        )
 
     def _optimistic(self, name: str, args: Args, function: Callable[..., Any]) -> Any:
         """What a user's optimistic function says of known values and placeholders. Raises InputError if it fails."""
@@ -468,6 +478,27 @@ def hopeful_problem(split: Split, world: World) -> tuple[Program, FactBase]:
     failures = [f for f in world.hopes.in_state if f.names() <= world.values.keys()]
     axioms = [failure.axiom(split.program.domain) for failure in failures]
     return (Program.of(split.program.domain, axioms) if axioms else split.program), base
+
+
+def in_order(streams: Iterable[Stream], domain: Domain) -> tuple[list[Stream], bool]:
+    """Streams, each after those that feed it, and whether some feed themselves."""
+    named = {stream.name: stream for stream in streams}
+    feeds = nx.DiGraph()
+    feeds.add_nodes_from(named)
+    for stream in named.values():
+        certified = {a.predicate for a in stream.certified}
+        certified.update(*(domain.supertypes.get(predicate, ()) for predicate in certified))
+        feeds.add_edges_from(
+            (stream.name, other.name)
+            for other in named.values()
+            if not certified.isdisjoint(a.predicate for a in other.domain)
+        )
+    groups = nx.condensation(feeds)
+    place = {name: number for number, name in enumerate(named)}
+    members = nx.get_node_attributes(groups, "members")
+    order = nx.lexicographical_topological_sort(groups, key=lambda group: min(place[n] for n in members[group]))
+    ordered = [named[name] for group in order for name in sorted(members[group], key=place.__getitem__)]
+    return ordered, not nx.is_directed_acyclic_graph(feeds)
 
 
 def relevant_streams(program: Program, goal: Formula, base: FactBase) -> set[str]:

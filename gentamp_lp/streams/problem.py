@@ -22,9 +22,10 @@ from gentamp_lp.streams.language import (
 from gentamp_lp.streams.naming import RESERVED, Names, readable
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
+from gentamp_lp.streams.sexpr import read_groups
 from gentamp_lp.streams.sorts import infer_sorts
-from gentamp_lp.streams.stream_file import Stream, mark_recursive, parse_streams
-from gentamp_lp.streams.undeclared import declare_undeclared, stream_functions, suspect
+from gentamp_lp.streams.stream_file import Stream, declared_streams, mark_recursive
+from gentamp_lp.streams.undeclared import StreamFile, declare_undeclared, stream_functions, suspect
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,10 @@ class DebugValue:
 
 def build(problem: PDDLProblem) -> Problem:
     """Read a problem. Raises InputError that names file and line, or the fact or stream at fault."""
-    init, texts = list(problem.init), _texts(problem.stream_pddl)
-    domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(texts))
-    domain = declare_undeclared(domain, texts, init, problem.goal)
-    streams = _streams(texts, domain)
+    init, files = list(problem.init), _files(problem.stream_pddl)
+    domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(files))
+    domain = declare_undeclared(domain, files, init, problem.goal)
+    streams = _streams(files, domain)
     generators = _generators(problem.stream_map, streams)
     values: dict[str, Any] = {}
     base = FactBase(domain, streams, generators, values, names=Names())
@@ -76,19 +77,20 @@ def build(problem: PDDLProblem) -> Problem:
     return Problem(Program.of(domain), base, state, goal, base.names)
 
 
-def _texts(stream_pddl: str | Sequence[str] | None) -> list[tuple[str, str]]:
-    """The stream files' texts, each with what errors call it."""
+def _files(stream_pddl: str | Sequence[str] | None) -> list[StreamFile]:
+    """The stream files taken apart, each with what errors call it."""
     texts = [stream_pddl] if isinstance(stream_pddl, str) else stream_pddl or ()
     for text in texts:
         if not isinstance(text, str):
             raise InputError(f"`stream_pddl` holds {type(text).__name__}: only text is supported")
-    return [(text, "stream.pddl" if len(texts) == 1 else f"stream.pddl[{n}]") for n, text in enumerate(texts)]
+    paths = ["stream.pddl"] if len(texts) == 1 else [f"stream.pddl[{n}]" for n in range(len(texts))]
+    return [(read_groups(text, path), path) for text, path in zip(texts, paths, strict=True)]
 
 
-def _streams(texts: Iterable[tuple[str, str]], domain: Domain) -> tuple[Stream, ...]:
+def _streams(files: Iterable[StreamFile], domain: Domain) -> tuple[Stream, ...]:
     streams: dict[str, Stream] = {}
-    for text, path in texts:
-        for stream in parse_streams(text, domain, path):
+    for groups, path in files:
+        for stream in declared_streams(groups, domain, path):
             if stream.name in streams:
                 raise InputError(Diagnostic(f"stream `{stream.name}` is declared twice", path, stream.line))
             streams[stream.name] = stream

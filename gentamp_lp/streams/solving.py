@@ -26,6 +26,7 @@ from gentamp_lp.streams.language import (
     Solution,
     StreamInfo,
 )
+from gentamp_lp.streams.optimism import TooManyCalls
 from gentamp_lp.streams.problem import Problem, build
 from gentamp_lp.streams.semantics import State
 
@@ -42,7 +43,7 @@ IGNORED = frozenset({
 
 @dataclass(frozen=True)
 class Report:
-    """How a search went. `status`: solved, no plan, time limit, or memory limit."""
+    """How a search went. `status`: solved, no plan, time limit, memory limit, or call limit."""
 
     status: str
     reason: str
@@ -70,7 +71,7 @@ class Result(Solution):
 
     @property
     def status(self) -> str:
-        """`solved`, `no plan`, `time limit` or `memory limit`."""
+        """`solved`, `no plan`, `time limit`, `memory limit` or `call limit` (of stream calls that are possible)."""
         return self.report.status
 
     @property
@@ -110,6 +111,9 @@ class _Search:
                 return
             except MemoryLimitReached as error:
                 self.status, self.reason = "memory limit", str(error)
+                return
+            except TooManyCalls as error:
+                self.status, self.reason = "call limit", str(error)
                 return
             except LimitReached as error:
                 self.status, self.reason = "time limit", str(error)

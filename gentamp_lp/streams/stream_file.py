@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -54,10 +54,14 @@ class Stream:
 
 def parse_streams(text: str, domain: Domain, path: Path | str | None = None) -> tuple[Stream, ...]:
     """Parse a stream file against the domain whose predicates it certifies."""
+    return declared_streams(read_groups(text, path), domain, path)
+
+
+def declared_streams(groups: Sequence[Group], domain: Domain, path: Path | str | None = None) -> tuple[Stream, ...]:
+    """The streams of a file that was taken apart already (see `parse_streams`)."""
     reader = PDDLReader(
         path, dict(domain.predicates), frozenset(domain.constants), dict(domain.supertypes), dict(domain.functions)
     )
-    groups = read_groups(text, path)
     if len(groups) != 1 or groups[0].head != "define":
         raise reader.error("expected one `(define (stream ...) ...)`", groups[0].line if groups else 1)
     streams: dict[str, Stream] = {}

@@ -14,12 +14,14 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.pddl import Domain, Predicate
-from gentamp_lp.streams.sexpr import Group, Symbol, read_groups
+from gentamp_lp.streams.sexpr import Group, Symbol
 
 #: How alike two names have to be (`difflib` ratio) for one to count as a misspelling of the other, unless one contains
 #: the other: `Pose` is no misspelling of `AtPose`.
 _ALIKE = 0.75
 _READ, _MADE = ":domain", ":certified"
+
+StreamFile = tuple[list[Group], str]  # the lists at the top of a stream file, and its path
 
 
 @dataclass
@@ -33,16 +35,16 @@ class _Uses:
     read: bool
 
 
-def declare_undeclared(domain: Domain, texts: Iterable[tuple[str, str]], init: Iterable[Any], goal: Any) -> Domain:
-    """The domain with the predicates that only stream files (text and path) use.
+def declare_undeclared(domain: Domain, files: Iterable[StreamFile], init: Iterable[Any], goal: Any) -> Domain:
+    """The domain with the predicates that only stream files use.
 
     Raises InputError for one that nothing makes or nothing reads and whose name is like that of another.
     """
     given = {str(fact[0]).lower() for fact in init if isinstance(fact, tuple | list) and fact}
     asked = set(_heads(goal))
     found: dict[str, _Uses] = {}
-    for text, path in texts:
-        for key, head, arity in _atoms(read_groups(text, path)):
+    for groups, path in files:
+        for key, head, arity in _atoms(groups):
             if head.name not in domain.predicates and head.name not in ("not", "or", "="):
                 predicate = Predicate(head.name, head.spelling, arity)
                 uses = found.setdefault(
@@ -59,11 +61,11 @@ def declare_undeclared(domain: Domain, texts: Iterable[tuple[str, str]], init: I
     return replace(domain, predicates={**domain.predicates, **{name: uses.first for name, uses in found.items()}})
 
 
-def stream_functions(texts: Iterable[tuple[str, str]]) -> dict[str, Predicate]:
-    """The functions that stream files (text and path) declare."""
+def stream_functions(files: Iterable[StreamFile]) -> dict[str, Predicate]:
+    """The functions that stream files declare."""
     found: dict[str, Predicate] = {}
-    for text, path in texts:
-        for section in (item for group in read_groups(text, path) for item in group.items if isinstance(item, Group)):
+    for groups, _ in files:
+        for section in (item for group in groups for item in group.items if isinstance(item, Group)):
             if section.head == ":function" and len(section.items) > 1:
                 for head, arity in _conjuncts(section.items[1]):
                     found[head.name] = Predicate(head.name, head.spelling, arity)

@@ -4,7 +4,10 @@ import time
 
 import pytest
 
-from gentamp_lp.streams import PDDLProblem, from_fn, solve
+from gentamp_lp.streams import And, Exists, PDDLProblem, from_fn, solve
+from gentamp_lp.streams.optimism import in_order
+from gentamp_lp.streams.pddl import parse_domain
+from gentamp_lp.streams.stream_file import parse_streams
 
 DOMAIN = """(define (domain numbers) (:requirements :strips)
   (:predicates (Num ?n) (Next ?n ?m) (Sum ?n ?m ?k) (At ?n))
@@ -44,3 +47,48 @@ def test_the_time_limit_holds_while_inputs_are_listed(algorithm: str) -> None:
     result = solve(problem("plus", 1001), algorithm, max_time=4)
     assert result.status == "time limit"
     assert time.monotonic() - start < 4 * 1.05 + 1
+
+
+def test_more_stream_calls_than_can_be_listed_are_no_time_limit() -> None:
+    """320 numbers have 102 400 sums."""
+    task = problem("plus", 10**6)
+    result = solve(task._replace(init=[*task.init, *(("Num", n) for n in range(2, 322))]), max_time=60)
+    assert result.status == "call limit" and result.plan is None
+    assert "calls of `plus`" in result.reason and "`:domain`" in result.reason and "`incremental`" in result.reason
+
+
+CYCLE = """(define (domain cycle) (:predicates (A ?x) (B ?x) (C ?x) (D ?x) (E ?x) (From ?x ?y) (At ?x) (Seen ?x))
+  (:action go :parameters (?x ?y) :precondition (and (From ?x ?y) (At ?x)) :effect (and (At ?y) (not (At ?x)))))"""
+LINKS = """(define (stream cycle)
+  (:stream back :inputs (?x) :domain (E ?x) :outputs (?y) :certified (A ?y))
+  (:stream de :inputs (?x) :domain (D ?x) :outputs (?y) :certified (and (E ?y) (From ?x ?y)))
+  (:stream cd :inputs (?x) :domain (C ?x) :outputs (?y) :certified (and (D ?y) (From ?x ?y)))
+  (:stream bc :inputs (?x) :domain (B ?x) :outputs (?y) :certified (and (C ?y) (From ?x ?y)))
+  (:stream ab :inputs (?x) :domain (A ?x) :outputs (?y) :certified (and (B ?y) (From ?x ?y))))"""
+
+
+@pytest.mark.parametrize("loop", [True, False])
+def test_streams_are_assumed_after_those_that_feed_them(loop: bool) -> None:
+    text = LINKS if loop else LINKS.replace("(A ?y)", "(Seen ?y)")
+    streams = parse_streams(text, parse_domain(CYCLE))
+    ordered, recursive = in_order(streams, parse_domain(CYCLE))
+    assert recursive == loop
+    assert [s.name for s in ordered] == (["back", "de", "cd", "bc", "ab"] if loop else ["ab", "bc", "cd", "de", "back"])
+
+
+def test_streams_that_feed_themselves_are_unrolled_a_little_and_more_if_there_is_no_plan() -> None:
+    goal = Exists(["?x"], And(("E", "?x"), ("At", "?x")))
+    streams = {name: from_fn(lambda x: ((*x, "+"),)) for name in ("back", "de", "cd", "bc", "ab")}
+    said: list[str] = []
+    task = PDDLProblem(CYCLE, {}, LINKS, streams, [("A", ("a",)), ("At", ("a",))], goal)
+    assert len(solve(task, max_time=20, progress=said.append).plan) == 4
+    assert "no plan over 4 objects, 3 stream calls assumed" in said[0]
+    assert "a plan of 4 steps" in said[2]
+
+
+def test_types_feed_streams_that_take_their_supertypes() -> None:
+    domain = parse_domain("(define (domain d) (:types cup - thing) (:predicates (Seen ?x)))")
+    text = """(define (stream s)
+      (:stream look :inputs (?x - thing) :outputs (?y) :certified (Seen ?y))
+      (:stream make :inputs (?x) :domain (Seen ?x) :outputs (?y - cup) :certified (Seen ?y)))"""
+    assert in_order(parse_streams(text, domain), domain)[1]
