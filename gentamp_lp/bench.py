@@ -31,6 +31,7 @@ MODES = {  # name -> options of `solve`
     "adaptive": ("--mode", "unguided", "--algorithm", "adaptive"),
     "incremental": ("--mode", "unguided", "--algorithm", "incremental"),
     "skeleton": ("--mode", "skeleton"),
+    "skeleton-incremental": ("--mode", "skeleton", "--algorithm", "incremental"),
     "original": ("--mode", "unguided", "--engine", "pddlstream"),
     "original-incremental": ("--mode", "unguided", "--engine", "pddlstream", "--algorithm", "incremental"),
 }

@@ -349,7 +349,8 @@ def bench(
         str,
         typer.Option(
             help="Modes to compare, separated by commas: guided, unguided (as `solve` does it), adaptive or "
-            "incremental (unguided, by this algorithm), skeleton, original or original-incremental (PDDLStream itself)."
+            "incremental (unguided, by this algorithm), skeleton, skeleton-incremental, original or "
+            "original-incremental (PDDLStream itself)."
         ),
     ] = "guided,unguided,skeleton",
     sizes: Annotated[
@@ -392,7 +393,7 @@ def bench(
     loaded = [Task.load(name) for name in tasks]
     folders = {task.name: (policies / task.name).resolve() for task in loaded}
     for task in loaded:
-        if set(chosen) & {"guided", "skeleton"} and not folders[task.name].is_dir():
+        if any("unguided" not in benchmark.MODES[mode] for mode in chosen) and not folders[task.name].is_dir():
             hint = f"run `gentamp-lp learn {task.reference}` first"
             raise InputError(Diagnostic(f"no policy in `{folders[task.name]}`", hint=hint))
         for size in sizes.split(",") if sizes else map(str, task.file.test):

@@ -15,6 +15,7 @@ _COLOURS = {
     "adaptive": "tab:orange",
     "incremental": "tab:red",
     "skeleton": "tab:green",
+    "skeleton-incremental": "tab:olive",
     "original": "tab:purple",
     "original-incremental": "tab:pink",
 }

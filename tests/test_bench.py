@@ -151,6 +151,7 @@ def test_runs_that_fail_are_rows(policies: Path, tmp_path: Path) -> None:
         ({"modes": "guided,lucky"}, "unknown mode `lucky`"),
         ({"modes": "unguided", "sizes": "2-2"}, "is not a size"),
         ({}, "gentamp-lp learn unstack"),
+        ({"modes": "skeleton-incremental"}, "gentamp-lp learn unstack"),
         ({"modes": "unguided", "scheduler": "tcp://127.0.0.1:9"}, "no Dask scheduler"),
     ],
 )
@@ -170,6 +171,16 @@ def test_a_cluster_makes_the_runs(tmp_path: Path) -> None:
     ):
         rows = run([job], tmp_path / "results.csv", executor)
     assert [row.valid for row in rows] == [True]
+
+
+def test_skeletons_are_followed_by_both_algorithms(policies: Path, tmp_path: Path) -> None:
+    modes = ("skeleton", "skeleton-incremental")
+    jobs = [Job("unstack", "4", 0, mode, "gripper", 60.0, str(policies / "unstack")) for mode in modes]
+    with ThreadPoolExecutor(2) as executor:
+        rows = run(jobs, tmp_path / "results.csv", executor)
+    assert {row.mode for row in rows if row.valid} == set(modes)
+    draw(summary(rows), 60.0, tmp_path / "figure.svg")
+    assert (tmp_path / "figure.svg").stat().st_size > 0
 
 
 def test_learning_times_need_a_report(policies: Path, tmp_path: Path) -> None:

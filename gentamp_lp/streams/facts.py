@@ -23,12 +23,23 @@ Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
 Args = tuple[str, ...]
 
 
+def picked(positions: Iterable[int]) -> Callable[[Sequence[str]], Args]:
+    """A function that picks what stands at these positions."""
+    match tuple(positions):
+        case ():
+            return lambda _: ()
+        case (one,):
+            return lambda row: (row[one],)
+        case several:
+            return itemgetter(*several)
+
+
 class Relation:
     """The tuples of one predicate, in the order they came, indexed by the arguments asked for."""
 
     def __init__(self, rows: Iterable[Args] = ()) -> None:
         self.rows: dict[Args, None] = dict.fromkeys(rows)
-        self._index: dict[tuple[int, ...], dict[Args, list[Args]]] = {}
+        self._index: dict[tuple[int, ...], tuple[Callable[[Args], Args], dict[Args, list[Args]]]] = {}
 
     def __contains__(self, args: Args) -> bool:
         return args in self.rows
@@ -41,15 +52,15 @@ class Relation:
         if args in self.rows:
             return False
         self.rows[args] = None
-        for positions, table in self._index.items():
-            table.setdefault(tuple(args[i] for i in positions), []).append(args)
+        for key, table in self._index.values():
+            table.setdefault(key(args), []).append(args)
         return True
 
     def remove(self, args: Args) -> None:
         """Remove a tuple that is there."""
         del self.rows[args]
-        for positions, table in self._index.items():
-            table[tuple(args[i] for i in positions)].remove(args)
+        for key, table in self._index.values():
+            table[key(args)].remove(args)
 
     def find(self, positions: tuple[int, ...], values: Args) -> list[Args]:
         """A new list of the tuples that have these values at these positions."""
@@ -58,10 +69,10 @@ class Relation:
     def index(self, positions: tuple[int, ...]) -> Mapping[Args, list[Args]]:
         """The tuples by their values at these positions (one at least); kept up to date."""
         if positions not in self._index:
-            table = self._index[positions] = {}
+            key, table = self._index[positions] = picked(positions), {}
             for row in self.rows:
-                table.setdefault(tuple(row[i] for i in positions), []).append(row)
-        return self._index[positions]
+                table.setdefault(key(row), []).append(row)
+        return self._index[positions][1]
 
     def matches(self, pattern: tuple[str | None, ...]) -> list[Args]:
         """Tuples that agree with the pattern where it is not None."""
@@ -107,8 +118,7 @@ class _Test:
         def taken(names: Args) -> Callable[[Args], Args]:
             if not all(name in pattern for name in names):  # constants
                 return lambda args: tuple(args[pattern.index(n)] if n in pattern else n for n in names)
-            places = [pattern.index(name) for name in names]
-            return itemgetter(*places) if len(places) > 1 else lambda args: tuple(args[i] for i in places)
+            return picked(pattern.index(name) for name in names)
 
         plain = len(set(pattern)) == len(pattern) and all(arg.startswith("?") for arg in pattern)
         domain = tuple((atom.predicate, taken(atom.args)) for atom in stream.domain)
@@ -575,4 +585,4 @@ def match(pattern: Args, row: Args, binding: Mapping[str, str]) -> dict[str, str
 
 def bind(atom: Atom, binding: Mapping[str, str]) -> Args:
     """The atom's arguments with variables replaced."""
-    return tuple(binding.get(a, a) for a in atom.args)
+    return tuple([binding.get(a, a) for a in atom.args])

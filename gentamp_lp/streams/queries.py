@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import count
-from operator import itemgetter
 from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, picked
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -208,11 +207,7 @@ class Query:
         return check
 
     def _key(self, args: Args) -> Callable[[Env], Args]:
-        slots = [self._slot(arg) for arg in args]
-        if len(slots) == 1:
-            (slot,) = slots
-            return lambda env: (env[slot],)
-        return itemgetter(*slots) if slots else (lambda _: ())
+        return picked(self._slot(arg) for arg in args)
 
     def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> list[_Join]:
         """The cheapest of the undecided conjuncts, joined with the others: one join for each case of a disjunction."""
