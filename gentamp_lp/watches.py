@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
@@ -201,7 +202,7 @@ class Watches:
     def _leaving(self, watch: _Watch, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
         """Tuples that satisfy a lazy formula in the present state and not after a change (`all_do`: nothing does)."""
         known: set[Args] = set()
-        for row in watch.concerned(added, deleted, False):
+        for row in chain(tuple(watch.seen), watch.concerned(added, deleted, False)):
             if row not in known:
                 known.add(row)
                 if not watch.member.holds(row):

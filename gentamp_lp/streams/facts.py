@@ -21,6 +21,7 @@ from gentamp_lp.streams.stream_file import Stream
 
 Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
 Args = tuple[str, ...]
+Places = dict[tuple[int, ...], int]
 
 
 def picked(positions: Iterable[int]) -> Callable[[Sequence[str]], Args]:
@@ -56,18 +57,29 @@ class Relation:
             table.setdefault(key(args), []).append(args)
         return True
 
-    def remove(self, args: Args) -> None:
-        """Remove a tuple that is there."""
+    def remove(self, args: Args) -> Places:
+        """Remove a tuple that is there; returns where it stood in each index."""
         del self.rows[args]
-        for key, table in self._index.values():
-            table[key(args)].remove(args)
+        places: Places = {}
+        for positions, (key, table) in self._index.items():
+            found = table[key(args)]
+            places[positions] = found.index(args)
+            del found[places[positions]]
+        return places
+
+    def put_back(self, args: Args, places: Places) -> None:
+        """Undo `remove`, if everything else that was changed since has been undone: indices are as they were."""
+        self.rows[args] = None
+        for positions, (key, table) in self._index.items():
+            found = table.setdefault(key(args), [])
+            found.insert(places.get(positions, len(found)), args)
 
     def find(self, positions: tuple[int, ...], values: Args) -> list[Args]:
         """A new list of the tuples that have these values at these positions."""
         return list(self.index(positions).get(values, ())) if positions else list(self.rows)
 
     def index(self, positions: tuple[int, ...]) -> Mapping[Args, list[Args]]:
-        """The tuples by their values at these positions (one at least); kept up to date."""
+        """The tuples by their values at these positions; kept up to date."""
         if positions not in self._index:
             key, table = self._index[positions] = picked(positions), {}
             for row in self.rows:

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import count
 from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, picked
+from gentamp_lp.streams.facts import Args, Fact, FactBase, Places, Relation, bind, picked
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -356,8 +356,6 @@ def _all(tests: list[Test]) -> Test:
 
 def _looking_up(relation: Relation, given: tuple[int, ...], direction: int) -> Callable[[Args], list[Args]]:
     """The tuples that agree with values for the given positions, as they came or (-1) the last first."""
-    if not given:
-        return lambda _: list(relation.rows)[::direction]
     found = relation.index(given).get
     return lambda key: found(key, _NONE)[::direction]
 
@@ -382,7 +380,10 @@ class Situation:
         self._fluents = {name: Relation() for name in program.domain.fluents}
         for fact in sorted(state, key=lambda f: (f[0], [order[a] for a in f[1:]], f)):
             self._fluents[fact[0]].add(fact[1:])
-        self._version = 0
+        self._versions = count()
+        self._version = self._other = next(self._versions)  # of this state, and of the one before the last change
+        self._opposite: tuple[Sequence[Fact], Sequence[Fact]] | None = None  # what undoes the last change
+        self._places: dict[Fact, Places] = {}  # where the facts stood that the last change deleted
         self._recursive: tuple[tuple[int, int], View] | None = None
         self._effects: dict[str, list[tuple[bool, Atom, Query]]] = {}
         self._inputs: dict[tuple[str, tuple[str, ...]], Query] = {}
@@ -410,13 +411,20 @@ class Situation:
         """What is different whenever the state or the facts that streams have certified are (but for tests)."""
         return self._version, self.base.revision
 
-    def change(self, added: Iterable[Fact], deleted: Iterable[Fact]) -> None:
-        """Add facts that do not hold and delete facts that do."""
-        self._version += 1
-        for fact in deleted:
-            self._fluents[fact[0]].remove(fact[1:])
-        for fact in added:
-            self._fluents[fact[0]].add(fact[1:])
+    def change(self, added: Sequence[Fact], deleted: Sequence[Fact]) -> None:
+        """Add facts that do not hold and delete facts that do. The opposite of the last change undoes it: everything is
+        found in the same order again.
+        """
+        undo, places = (added, deleted) == self._opposite, self._places
+        self._version, self._other = self._other if undo else next(self._versions), self._version
+        self._places = {fact: self._fluents[fact[0]].remove(fact[1:]) for fact in deleted}
+        if undo:
+            for fact in reversed(added):
+                self._fluents[fact[0]].put_back(fact[1:], places[fact])
+        else:
+            for fact in added:
+                self._fluents[fact[0]].add(fact[1:])
+        self._opposite = (deleted, added)
 
     def effects(self, schema: ActionSchema, args: Args) -> tuple[list[Fact], list[Fact]]:
         """The facts that a ground action adds, of those that do not hold, and deletes, of those that do."""

@@ -182,6 +182,27 @@ def test_newest_facts_come_first():
     assert list(query.solutions()) == [("b",), ("c",), ("a",)]
 
 
+def test_what_is_undone_leaves_no_trace_in_the_order():
+    base = FactBase(DOMAIN, STREAMS, {}, {n: n for n in NAMES})
+    facts = [("p", "a"), ("p", "b"), ("p", "c")]
+    situation = Situation(PROGRAM, base, frozenset(facts))
+    query = situation.query(Atom("p", ("?x",)), (), ("?x",))
+    first, stamp = list(query.solutions()), situation.stamp()
+    changes = [([], facts[:2]), ([], [facts[2], facts[0]]), ([], facts)]
+    for added, deleted in changes:
+        for _ in range(2):
+            situation.change(added, deleted)
+            assert situation.stamp() != stamp
+            situation.change(deleted, added)
+            assert list(query.solutions()) == first and situation.stamp() == stamp
+    situation.change([], facts[1:2])
+    other = situation.stamp()
+    situation.change([], facts[2:])
+    situation.change(facts[1:2], [])  # not the last change: it comes as new
+    assert list(query.solutions()) == [("b",), ("a",)]
+    assert len({stamp, other, situation.stamp()}) == 3
+
+
 def test_unfolding_leaves_recursive_predicates_only():
     formula = Exists(("?y",), And((Atom("two", ("?y",)), Not(Atom("path", ("?x", "?y"))))))
     named = {a.predicate for a in _atoms(unfold(formula, PROGRAM))}
