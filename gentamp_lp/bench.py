@@ -24,6 +24,7 @@ from gentamp_lp import __version__
 from gentamp_lp.children import start
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
+from gentamp_lp.inputs import read_text
 
 MODES = {  # name -> options of `solve`
     "guided": ("--mode", "guided"),
@@ -164,7 +165,7 @@ def read_rows(path: Path) -> list[Row]:
     if not path.exists():
         write_text(path, ",".join(NAMES) + "\n")
         return []
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     whole = text[: text.rfind("\n") + 1]
     if whole != text:
         write_text(path, whole)

@@ -14,6 +14,7 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import to_formula
+from gentamp_lp.inputs import read_text
 from gentamp_lp.policy import AbstractAction, CertificateStep, Feature, Policy, Rule, Valuation
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import atoms
@@ -202,10 +203,7 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(Diagnostic(f"cannot be read: {error}", path=path)) from error
+        text = read_text(path)
         self._facts: dict[str, list[_Row]] = {}
         for name, line, arguments in read_facts(text, self._at):
             self._facts.setdefault(name, []).append(_Row(path, line, arguments))

@@ -324,10 +324,10 @@ def solve(
         _print_json(report)
     elif result.plan is None:
         _say(f"no plan: {result.reason}")
-        if result.limited:
-            more = f"a longer --timeout than {timeout:g} s may find one"
+        if result.limit is not None:
             learned = "" if guide else f", or a policy: gentamp-lp learn {task}"
-            messages.print(f"hint: this does not show that there is none; {more}{learned}", soft_wrap=True)
+            hint = f"this does not show that there is none; {result.limit.remedy} may find one{learned}"
+            messages.print(f"hint: {hint}", soft_wrap=True)
     else:
         for number, step in enumerate(result.plan.steps, 1):
             _say(f"{number:3}. {step.schema}({', '.join(step.args)})")

@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_text
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.stream_file import Stream, parse_streams
@@ -52,8 +53,8 @@ def load_domain(name: str, beside: Path | None = None, *, trust: bool = False) -
             Diagnostic("the samplers of this domain are Python code from outside gentamp-lp", path,
                        hint="read them, then pass --trust")
         )  # fmt: skip
-    domain = parse_domain(_read(path / "domain.pddl"), path / "domain.pddl")
-    streams = parse_streams(_read(path / "stream.pddl"), domain, path / "stream.pddl")
+    domain = parse_domain(read_text(path / "domain.pddl"), path / "domain.pddl")
+    streams = parse_streams(read_text(path / "stream.pddl"), domain, path / "stream.pddl")
     for stream in streams:
         if stream.fluents:
             message = f"stream `{stream.name}` has `:fluents`, which tasks do not support"
@@ -84,13 +85,6 @@ def check_stream_map(folder: DomainFolder, generators: Mapping[str, Any]) -> Non
         )
     if problems:
         raise InputError(*problems)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
 
 
 def _import(path: Path) -> ModuleType:

@@ -53,13 +53,19 @@ class NoAnswer(GentampError):
 
 
 class LimitReached(GentampError):
-    """A time or memory limit ended the work before an answer was known."""
+    """A limit, of time unless a subclass says otherwise, ended the work before an answer was known.
+
+    `remedy` is what may lead to one.
+    """
 
     exit_code = 3
+    remedy = "a longer --timeout"
 
 
 class MemoryLimitReached(LimitReached):
     """The limit that ended the work was memory."""
+
+    remedy = "more memory, or fewer `samples` in the task file,"
 
 
 class SolverError(GentampError):

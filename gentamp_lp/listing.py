@@ -11,6 +11,7 @@ from typing import Any
 from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import demonstrate
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_text
 from gentamp_lp.openness import Openness
 from gentamp_lp.pool import Pool, PoolSession, Pruned, Reading, check_grammars, describe, split_formula
 from gentamp_lp.task import Task
@@ -141,11 +142,7 @@ def list_features(
 
 def formula_file(path: Path) -> list[str]:
     """The formulas of a file, one a line as `name = formula`; `%` starts a comment."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
-    return [text for line in lines if (text := line.partition("%")[0].strip())]
+    return [text for line in read_text(path).splitlines() if (text := line.partition("%")[0].strip())]
 
 
 def _read(session: PoolSession, text: str) -> tuple[str, str, Reading]:
@@ -156,8 +153,9 @@ def _read(session: PoolSession, text: str) -> tuple[str, str, Reading]:
     except InputError as error:
         first = error.diagnostics[0]
         column = f" (character {first.column})" if first.column else ""
+        shown = given if len(given) <= 200 else f"{given[:200]}…"
         raise InputError(
-            Diagnostic(f"formula `{given}`: {first.message}{column}", hint="logic/notation.pl explains the notation")
+            Diagnostic(f"formula `{shown}`: {first.message}{column}", hint="logic/notation.pl explains the notation")
         ) from None
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
+from gentamp_lp.inputs import read_json
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.semantics import Step
 from gentamp_lp.task import Instance
@@ -82,8 +83,8 @@ class Plan:
     @classmethod
     def load(cls, path: Path) -> Plan:
         """Read a plan file. Raises InputError when it is not one."""
+        data = read_json(path)
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
             if data["format"] != "gentamp-lp plan 1":
                 raise InputError(Diagnostic(f"unknown format `{data['format']}`", path, 1))
             return cls(
@@ -96,12 +97,6 @@ class Plan:
                 tuple(tuple(map(str, fact)) for fact in data["facts"]),
                 tuple(data["transits"]) if "transits" in data else None,
             )
-        except OSError as error:
-            raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
-        except json.JSONDecodeError as error:
-            raise InputError(Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)) from None
-        except RecursionError:
-            raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
         except (KeyError, TypeError, ValueError) as error:
             hint = "write plans with `gentamp-lp solve --out`"
             raise InputError(Diagnostic(f"not a plan file: {error!r}", path, hint=hint)) from None

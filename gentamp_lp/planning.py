@@ -42,10 +42,15 @@ class Solved:
     plan: Plan | None
     problems: list[str]
     reason: str | None = None
-    limited: bool = False
+    limit: LimitReached | None = None
     stuck: str | None = None
     engine: str = "embedded"
     motion: dict[str, float] | None = None
+
+    @property
+    def limited(self) -> bool:
+        """Whether a limit ended the search, so that there may be a plan all the same."""
+        return self.limit is not None
 
     @property
     def valid(self) -> bool:
@@ -114,7 +119,7 @@ def solve(
     instance = task.instance(size, seed, robot=robot)
     mode = "skeleton" if skeleton is not None else "guided" if policy else "unguided"
     start = time.perf_counter()
-    steps, reason, limited, stuck = None, None, False, None
+    steps, reason, limit, stuck = None, None, None, None
     planner = mode if policy or skeleton is not None else algorithm or choose(instance)
 
     def search(instance: Instance, time_limit: float) -> list[Step]:
@@ -136,18 +141,18 @@ def solve(
     try:
         steps = search(instance, time_limit)
     except LimitReached as error:
-        reason, limited = str(error), True
+        reason, limit = str(error), error
     except NoAnswer as error:
         reason = str(error)
     seconds = time.perf_counter() - start
     if steps is None:
-        return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine)
+        return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limit, stuck, engine)
     plan, moved = Plan.of(instance, steps), None
     if motion:
         instance, steps, plan, moved, failure = _moving(instance, steps, search, time_limit, progress)
         if failure is not None:
-            reason, limited = str(failure), isinstance(failure, LimitReached)
-            return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limited, stuck, engine, moved)
+            reason, limit = str(failure), failure if isinstance(failure, LimitReached) else None
+            return Solved(instance, mode, planner, seconds, 0.0, None, None, [], reason, limit, stuck, engine, moved)
     start = time.perf_counter()
     problems = validate(plan, task)
     checked, floor = time.perf_counter() - start, stream_floor(instance, steps)

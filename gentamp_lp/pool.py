@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.errors import Diagnostic, InputError, SolverError
+from gentamp_lp.inputs import read_text
 from gentamp_lp.prolog import PrologProcess, parse_diagnostics, quote
 from gentamp_lp.resources import resource
 
@@ -202,8 +203,16 @@ def check_grammars(grammars: Sequence[Path]) -> None:
 def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
     diagnostics = prolog.load(resource("logic", "pool.pl"))
     if not diagnostics:
+        for path in grammars:
+            read_text(path)
         files = [resource("logic", "grammar.lp"), *(path.absolute() for path in grammars)]
-        diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))
+        try:
+            diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))
+        except SolverError as error:
+            if not grammars:
+                raise
+            hint = "Prolog reads no terms that are nested many thousand deep"
+            raise InputError(*(Diagnostic(f"not a grammar: {error}", path, hint=hint) for path in grammars)) from error
     if diagnostics:
         raise InputError(*diagnostics)
 

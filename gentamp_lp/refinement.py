@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_text
 from gentamp_lp.reports import Failure, read_report
 
 _FILE = "failures.jsonl"
@@ -58,10 +59,7 @@ def _refined_on(folder: Path) -> list[Failure]:
 
 
 def _failed(path: Path) -> list[Failure]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(Diagnostic(f"cannot be read: {error}", path)) from None
+    lines = read_text(path).splitlines() if path.exists() else []
     found = []
     for number, line in enumerate(lines, 1):
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_json
 
 Fairness = Literal["strong", "qnp", "strong-cyclic"]
 
@@ -149,18 +149,14 @@ class LearnReport(Document):
 def read_report(folder: Path) -> Mapping[str, Any]:
     """The report of a bundle, empty if there is none; parts may be missing. Raises InputError when it is damaged."""
     path = folder / "report.json"
+    report = read_json(path) if path.exists() else {}
     try:
-        report = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
         if not isinstance(report, dict):
             raise InputError(Diagnostic("the report is not a JSON object", path))
         for name in report.keys() & LearnReport.model_fields.keys():
             TypeAdapter(LearnReport.model_fields[name].rebuild_annotation()).validate_python(report[name])
-    except RecursionError:
-        raise InputError(Diagnostic("cannot read the report: it is nested too deeply", path)) from None
     except ValidationError as error:
         wrong = error.errors()[0]
         place = ".".join(map(str, (name, *wrong["loc"])))
         raise InputError(Diagnostic(f"{place}: {wrong['msg']}", path, hint="gentamp-lp schema learn")) from None
-    except (OSError, ValueError) as error:
-        raise InputError(Diagnostic(f"cannot read the report: {error}", path)) from None
     return report

@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedBase
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from pydantic import BaseModel, ConfigDict, Field
 from ruamel.yaml.scalarstring import LiteralScalarString
 
 from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
 from gentamp_lp.errors import Diagnostic, InputError, SceneError
+from gentamp_lp.inputs import line_of, read_yaml, validated
 from gentamp_lp.pool import find_grammar
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.facts import FactBase
@@ -80,20 +78,25 @@ class Task:
     def load(cls, name: str | Path, *, trust: bool = False) -> Task:
         """Load a task by path, or by the name of a shipped one. Raises InputError with file, line and remedy."""
         path = _find(name)
-        data = _read_yaml(path)
+        data = read_yaml(path)
         if not isinstance(data, Mapping):
             raise InputError(Diagnostic("a task file is a mapping", path, 1, hint="see tasks/unstack.yaml"))
-        file = _validate(TaskFile, data, data, path, ())
+        file = validated(TaskFile, data, data, path)
         folder = load_domain(file.domain, path.parent, trust=trust)
-        scene = _validate(folder.code.Scene, data["scene"], data, path, ("scene",))
-        offset = _line(data, ("goal",)) - (not isinstance(data["goal"], LiteralScalarString))  # `|` starts a line below
+        scene = validated(folder.code.Scene, data["scene"], data, path, ("scene",))
+        literal = isinstance(data["goal"], LiteralScalarString)  # its text starts a line below
+        offset = line_of(data, ("goal",)) - (not literal)
         goal = parse_formula(file.goal, folder.domain, path=path, line_offset=offset)
         unknown = sorted(set(file.samples) - {s.name for s in folder.streams})
         if unknown:
             raise InputError(
-                Diagnostic(f"`samples` names unknown stream `{unknown[0]}`", path, _line(data, ("samples", unknown[0])),
-                           hint=f"known: {', '.join(s.name for s in folder.streams)}")
-            )  # fmt: skip
+                Diagnostic(
+                    f"`samples` names unknown stream `{unknown[0]}`",
+                    path,
+                    line_of(data, ("samples", unknown[0])),
+                    hint=f"known: {', '.join(s.name for s in folder.streams)}",
+                )
+            )
         task = cls(path, file, folder, scene, goal, Program.of(folder.domain))
         for key in ("train", "validation", "test"):
             for index, size in enumerate(getattr(file, key) or ()):
@@ -101,7 +104,7 @@ class Task:
                     task.parameters(size, np.random.default_rng(0))
                 except InputError as error:
                     message = error.diagnostics[0].message
-                    raise InputError(Diagnostic(message, path, _line(data, (key, index)))) from None
+                    raise InputError(Diagnostic(message, path, line_of(data, (key, index)))) from None
         return task
 
     def grammars(self, more: Sequence[Path] = ()) -> list[Path]:
@@ -151,7 +154,7 @@ class Task:
         try:
             world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
         except SceneError as error:
-            line = _line(_read_yaml(self.path), ("scene", *error.location))
+            line = line_of(read_yaml(self.path), ("scene", *error.location))
             raise InputError(*(replace(d, path=self.path, line=line) for d in error.diagnostics)) from None
         except (KeyError, OverflowError) as error:
             hint = f"counts name parameters of `size` ({', '.join(self.file.size)}), and numbers are not too large"
@@ -197,46 +200,3 @@ def _find(name: str | Path) -> Path:
         return shipped
     hint = f"give the path of a task file or one of: {', '.join(shipped_tasks())}"
     raise InputError(Diagnostic("no such task" if path.suffix == "" else "no such file", str(name), hint=hint))
-
-
-def _read_yaml(path: Path) -> Any:
-    try:
-        return YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-    except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
-        raise InputError(Diagnostic(f"not valid YAML: {error.problem}", path, line, column)) from None
-    except RecursionError:
-        raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
-    except (YAMLError, OSError, ValueError, TypeError, KeyError) as error:  # the last three: values unlike their tags
-        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
-
-
-def _validate(model: Any, value: Any, root: Any, path: Path, prefix: tuple[str, ...]) -> Any:
-    try:
-        return model.model_validate(value, context={"folder": path.parent})
-    except ValidationError as error:
-        raise InputError(
-            *(
-                Diagnostic(
-                    f"{'.'.join(map(str, (*prefix, *e['loc']))) or 'file'}: {e['msg']}",
-                    path,
-                    _line(root, (*prefix, *e["loc"])),
-                )
-                for e in error.errors()
-            )
-        ) from None
-
-
-def _line(node: Any, location: tuple[Any, ...]) -> int:
-    """The line of the deepest part of a location that stands in the file."""
-    line = 1
-    for key in location:
-        if not isinstance(node, CommentedBase):
-            break
-        try:
-            line = (node.lc.item(key) if isinstance(node, list) else node.lc.key(key))[0] + 1
-            node = node[key]  # type: ignore[index]
-        except (KeyError, IndexError, TypeError, AttributeError):
-            break
-    return line

@@ -103,6 +103,10 @@ class Place:
         (self.folder / name).symlink_to(name)
         return name
 
+    def pipe(self, name):
+        os.mkfifo(self.folder / name)
+        return name
+
     def coins(self, body="return (coin + 1,)", domain=DOMAIN, stream=STREAM, code=CODE, task=COINS):
         self.write("coins/domain.pddl", domain)
         self.write("coins/stream.pddl", stream)
@@ -170,6 +174,10 @@ CASES = {
     "missing grammar": (lambda p: ["learn", "unstack", "--grammar", "no.lp"], "no.lp", ""),
     "formula with a typo": (
         lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "Holdin(x)"], "Holdin", ""),
+    "formula of brackets": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "(" * 5000], "(((…", "hint:"),
+    "formulas in a pipe": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "@" + p.pipe("f")], "f: error", "pipe"),
     "formula cut short": (
         lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "On(x,"], "character 6", "hint:"),
     "nothing to refine": (lambda p: ["learn", "--refine", "runs/unstack"], "nothing to refine", "hint:"),
@@ -195,6 +203,12 @@ CASES = {
     "wrong type": (lambda p: ["learn", p.task("train: [8]", "train: eight")], "train", "task.yaml:"),
     "no training size": (lambda p: ["learn", p.task("train: [8]", "train: []")], "train", "task.yaml:"),
     "bad training size": (lambda p: ["learn", p.task("train: [8]", "train: [8-8-8]")], "8-8-8", "task.yaml:"),
+    "robot nested too deeply": (
+        lambda p: ["solve", "unstack", "--size", "2", "--robot", p.write("r.yaml", "[" * 20000)], "r.yaml", "nested"),
+    "robot with a typo": (
+        lambda p: ["solve", "unstack", "--size", "2", "--robot", p.write("r.yaml", "urdf: a\nreech: 2\n")],
+        "r.yaml:2: error: reech", "docs/robots.md"),
+    "problem in a pipe": (lambda p: ["synthesize", p.pipe("q.lp")], "q.lp: error", "pipe"),
     "unknown domain": (lambda p: ["learn", p.task("domain: tabletop", "domain: kitchen")], "kitchen", "tabletop"),
     "unknown stream": (
         lambda p: ["learn", p.task("sample-grasp: 2", "sample-grip: 2")], "sample-grip", "sample-grasp"),
@@ -225,6 +239,12 @@ CASES = {
     "grammar that wants a file": (
         lambda p: ["check", p.write("g.lp", 'law(x, A, B) :- open("hacked", write, _).\n')], "g.lp:1", ""),
     "grammar that is no text": (lambda p: ["check", p.write("g.lp", b"\xff\xfe\x00")], "g.lp", ""),
+    "grammar that is a folder": (
+        lambda p: ["features", "unstack", "--grammar", p.write("d.lp/x", "") and "d.lp"], "d.lp: error", "folder"),
+    "grammar that is a pipe": (lambda p: ["features", "unstack", "--grammar", p.pipe("g.lp")], "g.lp: error", "pipe"),
+    "grammar nested too deeply": (
+        lambda p: ["check", p.write("g.lp", "law(x, " + "f(" * 50000 + "a" + ")" * 50000 + ", B).\n")],
+        "g.lp: error", "nested"),
     "unknown word in a grammar": (lambda p: ["check", p.write("g.lp", "lwa(a, b, c).\n")], "g.lp:1", ""),
     # --- domains
     "stranger's domain": (lambda p: ["learn", p.coins()], "outside gentamp-lp", "--trust"),
@@ -279,6 +299,8 @@ CASES = {
     "report that is no JSON": (
         lambda p: [p.write("runs/unstack/report.json", "{"), "explain", "runs/unstack"][1:], "report.json", ""),
     "plan that is no JSON": (lambda p: ["validate", p.write("plan.json", "{")], "plan.json:1", "JSON"),
+    "plan that is a pipe": (lambda p: ["validate", p.pipe("plan2.json")], "plan2.json: error", "pipe"),
+    "plan that is a folder without a policy": (lambda p: ["validate", p.write("d/x", "") and "d"], "policy.lp", ""),
     "plan of an unknown format": (
         lambda p: ["validate", p.edit("plan.json", "gentamp-lp plan 1", "plan 9")], "plan.json", "plan 9"),
     # --- hostile YAML and JSON
@@ -360,6 +382,36 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert first in said and second in said, said
     after = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file() and p.suffix != ".pyc"}
     assert after == before, f"left behind: {set(after) ^ set(before)}"
+
+
+def rewritten(place, change):
+    """Change every text file of a task, a domain, a grammar, a bundle and a plan; the commands that read them."""
+    place.coins()
+    place.write("g.lp", "% nothing\ncap(pool, 1000).\n")
+    place.write("q.lp", "state(1). state(2). initialState(1). goal(2).\naction(go). transition(1, go, 2).\n")
+    place.write("task.yaml", UNSTACK)
+    for path in place.folder.rglob("*"):
+        if path.is_file() and path.suffix in (".lp", ".pl", ".pddl", ".yaml", ".json"):
+            path.write_bytes(change(path.read_bytes()))
+    return [
+        ["check", "task.yaml", "coins.yaml", "g.lp", "--trust"],
+        ["validate", "runs/unstack"],
+        ["validate", "plan.json"],
+        ["explain", "runs/unstack"],
+        ["synthesize", "q.lp"],
+        ["features", "task.yaml", "--max-complexity", "1", "--grammar", "g.lp"],
+    ]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda text: b"\xef\xbb\xbf" + text, lambda text: text.replace(b"\n", b"\r\n")],
+    ids=["byte order mark", "carriage returns"],
+)
+def test_files_of_other_systems_are_read(change, place, monkeypatch, capsys):
+    for arguments in rewritten(place, change):
+        code, said = gentamp(monkeypatch, capsys, arguments)
+        assert code == 0, (arguments, said)
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_the_same_seed_gives_the_same_bytes(workplace, tmp_path):
         (("solve", "load", "--size", "2", "--policy", "runs/unstack"), "is for task `unstack`"),
         (("solve", "unstack", "--size", "2", "--render", "plan.mp4"), "end the name in"),
         (("validate", "bad.lp"), "not valid JSON"),
-        (("validate", "none.json"), "cannot read the file"),
+        (("validate", "none.json"), "no such file"),
         (("check", "broken.yaml", "bad.lp"), "bad.lp:1:"),
         (("lern",), "Did you mean 'learn'"),
     ],

@@ -96,9 +96,9 @@ def test_an_absent_plan_is_explained_by_objects(unstack: Learned) -> None:
 
 
 def test_a_time_limit_is_no_answer(bundle: Path) -> None:
-    options = ("--size", "9-32", "--timeout", "0.1", "--robot", "gripper")
+    options = ("--size", "9-96", "--timeout", "0.1", "--robot", "gripper")
     done = run("solve", "load", *options, "--policy", str(bundle))
-    assert done.returncode == 3 and "a longer --timeout than 0.1 s may find one\n" in done.stderr
+    assert done.returncode == 3 and "a longer --timeout may find one\n" in done.stderr
     done = run("solve", "load", *options, "--mode", "unguided")
     assert done.returncode == 3 and "or a policy: gentamp-lp learn load" in done.stderr
 

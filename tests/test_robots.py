@@ -85,7 +85,7 @@ def described(tmp_path, old="", new=""):
         ("lift: -0.3, ", "", "from root to tip they are pan, lift"),
         ("opening: 0.08", "opening: wide", "opening: Input should be a valid number"),
         ("tip: hand", "tips: hand", "tips: Extra inputs"),
-        ("urdf: arm.urdf", "{distribution: no-such-package, urdf: x", "cannot read the robot's description"),
+        ("urdf: arm.urdf", "{distribution: no-such-package, urdf: x", "not valid YAML"),
     ],
 )
 def test_mistakes_in_a_description_are_named(tmp_path, old, new, words):

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.chain import frame, link_of, motion, origin
 from gentamp_lp.geometry.robots import Link
 from gentamp_lp.geometry.transforms import Array
+from gentamp_lp.inputs import read_yaml, validated
 
 Vector = tuple[float, float, float]
 FOLDER = Path(__file__).parent / "descriptions"
@@ -140,14 +139,9 @@ class Description(_Section):
 
 def load_description(path: Path) -> Description:
     """Read a description. Raises InputError with the file and what is wrong."""
-    try:
-        data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-        return Description.model_validate({**data, "path": path} if isinstance(data, dict) else data)
-    except ValidationError as error:
-        problems = (f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg']}" for e in error.errors())
-        raise InputError(*(Diagnostic(problem, path, hint="see docs/robots.md") for problem in problems)) from None
-    except (YAMLError, OSError, UnicodeDecodeError) as error:
-        raise InputError(Diagnostic(f"cannot read the robot's description: {error}", path)) from None
+    data = read_yaml(path)
+    value = {**data, "path": path} if isinstance(data, dict) else data
+    return validated(Description, value, data, path, hint="see docs/robots.md")
 
 
 class Bodies:

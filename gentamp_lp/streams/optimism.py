@@ -45,6 +45,8 @@ MAX_CALLS = 100_000
 class TooManyCalls(LimitReached):
     """More stream calls are possible than were wanted."""
 
+    remedy = "--algorithm incremental"
+
 
 @dataclass(frozen=True)
 class Placeholder:

@@ -7,12 +7,12 @@ program, with `solving.py`, or with `gentamp_lp/sieve.py`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_json
 from gentamp_lp.synthesis.problem import Problem
 from gentamp_lp.synthesis.reading import Source, parse_problem
 from gentamp_lp.synthesis.solving import Synthesis
@@ -51,8 +51,8 @@ def certificate(found: Synthesis, sources: Sequence[Source]) -> dict[str, Any]:
 def load_certificate(file: Path) -> dict[str, Any] | None:
     """Return the certificate in a file; None if the file is something else."""
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        document = read_json(file)
+    except InputError:
         return None
     return document if isinstance(document, dict) and document.get("format") == FORMAT else None
 

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from gentamp_lp.asp import consequences
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.inputs import read_text
 from gentamp_lp.resources import resource
 from gentamp_lp.synthesis.facts import Fact, read_facts
 from gentamp_lp.synthesis.fond import parse_fond
@@ -48,12 +49,7 @@ def read_sources(files: Sequence[Path | str]) -> list[Source]:
     """Return the names and texts of files."""
     sources = []
     for file in files:
-        try:
-            sources.append((str(file), Path(file).read_text(encoding="utf-8")))
-        except FileNotFoundError:
-            raise InputError(Diagnostic("no such file", file)) from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(Diagnostic(f"cannot be read: {error}", file)) from None
+        sources.append((str(file), read_text(Path(file))))
     return sources
 
 
