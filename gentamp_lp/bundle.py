@@ -130,6 +130,9 @@ def feature_clauses(policy: Policy) -> str:
 
 def load(folder: Path) -> Policy:
     """Read policy.lp and features.pl."""
+    if not (folder / "policy.lp").exists():
+        hint = "give a folder that `gentamp-lp learn` wrote"
+        raise InputError(Diagnostic("there is no policy.lp in it", folder, hint=hint))
     reader = _Reader(folder / "policy.lp")
     formulas = _Reader(folder / "features.pl").table("feature", 6)
     features = tuple(_feature(row, formulas, folder) for row in reader.rows("feature", 4))

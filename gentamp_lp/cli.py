@@ -29,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-messages = Console(stderr=True, highlight=False)
+messages = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 
 
 class Transitions(StrEnum):
@@ -108,7 +108,7 @@ class _Progress:
 
     def __call__(self, text: str) -> None:
         if not self.quiet:
-            messages.print(f"· {text}", markup=False, soft_wrap=True, style="dim")
+            messages.print(f"· {text}", style="dim")
 
 
 def _print_json(document: dict[str, Any]) -> None:
@@ -191,8 +191,8 @@ def learn(
         _say(learned.policy.text())
         _timing(learned.report())
     for note in learned.notes:
-        messages.print(f"note: {note}", markup=False, soft_wrap=True)
-    messages.print(f"policy written to {folder}", soft_wrap=True)
+        messages.print(f"note: {note}")
+    messages.print(f"policy written to {folder}")
     if learned.interrupted:
         messages.print("interrupted: this is the best policy found so far")
         raise typer.Exit(130)
@@ -220,7 +220,7 @@ def _timing(report: dict[str, Any]) -> None:
     for stage in seconds:
         table.add_column(stage, justify="right")
     table.add_row(*(f"{value:.2f}" for value in seconds.values()))
-    Console(highlight=False, width=100).print(table)
+    Console(highlight=False, markup=False, width=100).print(table)
     proof = f"not proved optimal, bound {report['bound']}"
     if report["optimal"]:
         proof = f"proved optimal among features up to complexity {report['proved_complexity']}"
@@ -327,7 +327,7 @@ def solve(
         if result.limit is not None:
             learned = "" if guide else f", or a policy: gentamp-lp learn {task}"
             hint = f"this does not show that there is none; {result.limit.remedy} may find one{learned}"
-            messages.print(f"hint: {hint}", soft_wrap=True)
+            messages.print(f"hint: {hint}")
     else:
         for number, step in enumerate(result.plan.steps, 1):
             _say(f"{number:3}. {step.schema}({', '.join(step.args)})")
@@ -414,7 +414,7 @@ def bench(
         _print_json({**document, "summary": [vars(cell) for cell in cells], "learning": learning})
     else:
         _comparison(cells, learning)
-    messages.print(f"{len(rows)} runs in {table}, figure in {out / 'comparison.svg'}", soft_wrap=True)
+    messages.print(f"{len(rows)} runs in {table}, figure in {out / 'comparison.svg'}")
 
 
 def _comparison(cells: list[Any], learning: list[dict[str, Any]]) -> None:
@@ -432,7 +432,7 @@ def _comparison(cells: list[Any], learning: list[dict[str, Any]]) -> None:
         times.add_column(name, justify="left" if name == "task" else "right")
     for row in learning:
         times.add_row(row["task"], f"{row['seconds']:.2f}", "" if row["paper"] is None else f"{row['paper']:.1f}")
-    console = Console(highlight=False, width=100)
+    console = Console(highlight=False, markup=False, width=100)
     console.print(table)
     console.print(times)
 
@@ -466,7 +466,7 @@ def synthesize(
     reason = explain(found.problem, found.fairness) if found.solvable is False else None
     if found.solvable and out is not None:
         write_text(out, json.dumps(certificate(found, sources), indent=1, ensure_ascii=False) + "\n")
-        messages.print(f"certificate written to {out}", soft_wrap=True)
+        messages.print(f"certificate written to {out}")
     if json_:
         _print_json(show.report(found, reason))
     elif found.solvable:
@@ -581,7 +581,7 @@ def features(
         matched = next((row for row in listing.features if row.id == asked.match), None)
         if matched is not None and matched.formula != asked.formula:
             _say(f"       #{matched.id}, cost {matched.cost}: {matched.formula}")
-    messages.print(_pruning(listing.report()), markup=False, soft_wrap=True)
+    messages.print(_pruning(listing.report()))
 
 
 def _qualities(row: Any) -> str:
@@ -702,7 +702,7 @@ def report(
     write_text(path, text)
     if json_:
         _print_json({"file": str(path), "bytes": len(text.encode()), **document})
-    messages.print(f"report written to {path}", soft_wrap=True)
+    messages.print(f"report written to {path}")
 
 
 @app.command("compile")
@@ -784,7 +784,7 @@ def check(
     if json_:
         _print_json({"files": [str(f) for f in files], "errors": [str(d) for d in found]})
     for diagnostic in found:
-        messages.print(str(diagnostic), markup=False, soft_wrap=True)
+        messages.print(str(diagnostic))
     if found:
         raise typer.Exit(2)
     if not json_:
@@ -872,8 +872,11 @@ def main() -> None:
     try:
         app()
     except GentampError as error:
-        messages.print(str(error) if isinstance(error, InputError) else f"error: {error}", markup=False, soft_wrap=True)
+        messages.print(str(error) if isinstance(error, InputError) else f"error: {error}")
         sys.exit(error.exit_code)
+    except RecursionError:
+        messages.print("error: something in what was given is nested too deeply")
+        sys.exit(InputError.exit_code)
     except KeyboardInterrupt:
         messages.print("interrupted")
         sys.exit(130)

@@ -17,6 +17,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
     If the block fails nothing is left behind. Raises InputError when the folder cannot be written to.
     """
+    if path.is_dir():
+        raise InputError(Diagnostic("cannot write the file: this is a folder", path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")

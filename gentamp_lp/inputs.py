@@ -58,7 +58,8 @@ def read_yaml(path: Path) -> Any:
     except RecursionError:
         raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
     except (YAMLError, ValueError, TypeError, KeyError) as error:  # the last three: values unlike their tags
-        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
+        reason = str(error).partition("\n")[0]
+        raise InputError(Diagnostic(f"cannot read the file: {reason}", path)) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -178,6 +178,9 @@ CASES = {
         lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "(" * 5000], "(((…", "hint:"),
     "formulas in a pipe": (
         lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "@" + p.pipe("f")], "f: error", "pipe"),
+    "formula of negations": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "~" * 3000 + "Holding(x)"],
+        "nested too deeply", ""),
     "formula cut short": (
         lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "On(x,"], "character 6", "hint:"),
     "nothing to refine": (lambda p: ["learn", "--refine", "runs/unstack"], "nothing to refine", "hint:"),
@@ -342,11 +345,16 @@ CASES = {
         lambda p: ["validate", p.edit("plan.json", '"action": "pick"', '"action": ["pick"]')], "pick", ""),
     "plan with unknown task": (
         lambda p: ["validate", p.edit("plan.json", '"task": "unstack"', '"task": "unstock"')], "unstock", ""),
+    "brackets that look like markup": (lambda p: ["learn", "[bold]none[/i].yaml"], "[bold]none[/i].yaml", "no such"),
+    "plan into a folder": (
+        lambda p: ["solve", "unstack", "--size", "2", "-q", "--out", p.write("d/x", "") and "d"], "d: error", "folder"),
+    "a file as bundle": (lambda p: ["explain", p.write("x.txt", "")], "x.txt: error: there is no policy.lp", "learn"),
     "plan as bundle": (lambda p: ["compile", "plan.json", "--out", "c"], "plan.json", ""),
     "neither plan nor bundle": (lambda p: ["validate", p.write("x.txt", "hello")], "x.txt", ""),
     # --- planning problems
     "facts with unknown predicate": (
         lambda p: ["synthesize", p.write("q.lp", "state(1). stat(2).\n")], "q.lp:1", "stat"),
+    "facts nested too deeply": (lambda p: ["synthesize", p.write("q.lp", "state(" * 30000)], "nested too deeply", ""),
     "facts without end": (lambda p: ["synthesize", p.write("q.lp", "state(1). goal(\n")], "q.lp:1", ""),
     "facts with a rule": (lambda p: ["synthesize", p.write("q.lp", "state(X) :- X = 1.\n")], "q.lp:1", ""),
     "no facts": (lambda p: ["synthesize", p.write("q.lp", "")], "q.lp", ""),
@@ -382,6 +390,12 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert first in said and second in said, said
     after = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file() and p.suffix != ".pyc"}
     assert after == before, f"left behind: {set(after) ^ set(before)}"
+
+
+def test_names_with_brackets_are_no_markup(place, monkeypatch, capsys):
+    for arguments in (["solve", "unstack", "--size", "2", "--out", "[/i].json"], ["validate", "[/i].json"]):
+        code, said = gentamp(monkeypatch, capsys, arguments)
+        assert code == 0 and "[/i].json" in said, said
 
 
 def rewritten(place, change):
