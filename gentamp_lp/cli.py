@@ -330,7 +330,7 @@ def solve(
             messages.print(f"hint: {hint}")
     else:
         for number, step in enumerate(result.plan.steps, 1):
-            _say(f"{number:3}. {step.schema}({', '.join(step.args)})")
+            _say(f"{number:3}. {step}")
         verdict = "valid" if result.valid else "INVALID: " + "; ".join(result.problems)
         _say(
             f"{len(result.plan.steps)} steps, {verdict}; {report['seconds']:.2f} s, "

@@ -104,7 +104,7 @@ def trace(policy: Policy, plan: Plan, task: Task) -> list[ExplainedState]:
     states = simulate(task.program, instance.base, instance.state, list(plan.steps))
     if states is None:
         raise InputError(Diagnostic("the plan does not execute", hint="gentamp-lp validate says why"))
-    steps = [f"{step.schema}({', '.join(step.args)})" for step in plan.steps] + [""]
+    steps = [str(step) for step in plan.steps] + [""]
     return [
         _explained(policy, features, View(program, instance.base, state), step, goal)
         for state, step, goal in zip(

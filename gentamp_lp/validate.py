@@ -118,7 +118,7 @@ def _simulate(plan: Plan, instance: Instance) -> tuple[State, list[str]]:
             return state, [f"step {number}: unknown entity {unknown[0]}"]
         view = View(program, instance.base, state)
         if not precondition_holds(view, step):
-            return state, [f"step {number}: {step.schema}({', '.join(step.args)}) is not applicable"]
+            return state, [f"step {number}: {step} is not applicable"]
         state = apply(view, step)
     return state, []
 

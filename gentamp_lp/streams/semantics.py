@@ -40,6 +40,9 @@ class Step(NamedTuple):
     schema: str
     args: Args
 
+    def __str__(self) -> str:
+        return f"{self.schema}({', '.join(self.args)})"
+
 
 _UNBOUND_JOIN, _BRANCH, _GENERATE, _TEST_JOIN, _NEVER = 10, 10**4, 10**6, 10**7, 10**9
 
