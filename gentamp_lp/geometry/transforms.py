@@ -27,30 +27,18 @@ def inverse(matrix: Array) -> Array:
     return result
 
 
-def quaternion(matrix: Array) -> Array:
-    """Return the unit quaternion (x, y, z, w) of a pose, with the largest component positive."""
-    m = matrix
-    squares = np.array(  # four times the square of each component
-        [
-            1 + m[0, 0] - m[1, 1] - m[2, 2],
-            1 - m[0, 0] + m[1, 1] - m[2, 2],
-            1 - m[0, 0] - m[1, 1] + m[2, 2],
-            1 + m[0, 0] + m[1, 1] + m[2, 2],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    x, y, z, w = 0, 1, 2, 3
-    products = {
-        (x, y): m[0, 1] + m[1, 0],
-        (x, z): m[0, 2] + m[2, 0],
-        (y, z): m[1, 2] + m[2, 1],
-        (x, w): m[2, 1] - m[1, 2],
-        (y, w): m[0, 2] - m[2, 0],
-        (z, w): m[1, 0] - m[0, 1],
-    }
-    values = [squares[i] if i == largest else products[(min(i, largest), max(i, largest))] for i in range(4)]
-    result = np.array(values, dtype=np.float64)
-    return result / np.linalg.norm(result)
+def quaternion(matrices: Array) -> Array:
+    """Return the unit quaternions (..., 4), ordered x, y, z, w, of poses (..., 4, 4), largest component positive."""
+    m = np.moveaxis(matrices[..., :3, :3], (-2, -1), (0, 1))
+    products = np.empty((*m.shape[2:], 4, 4))  # four times those of any two components
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        products[..., i, i] = 1 + m[i, i] - m[j, j] - m[k, k]
+        products[..., i, j] = products[..., j, i] = m[i, j] + m[j, i]
+        products[..., k, 3] = products[..., 3, k] = m[j, i] - m[i, j]
+    products[..., 3, 3] = 1 + m[0, 0] + m[1, 1] + m[2, 2]
+    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    result = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
+    return np.asarray(result / np.linalg.norm(result, axis=-1, keepdims=True))
 
 
 def rotation(quaternions: Array) -> Array:
