@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import pickle
 import signal
@@ -17,10 +18,11 @@ import pytest
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.collision import Swept, collide, convex, hits_table, placed
 from gentamp_lp.geometry.gripper import Gripper
+from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.playback import Playback
 from gentamp_lp.geometry.render import MOVIE, Scene, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import TABLE, Replay
-from gentamp_lp.geometry.robots import STEPS, Trajectory
+from gentamp_lp.geometry.robots import STEPS, Trajectory, make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, to_trimesh, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose, quaternion, rotation
 

@@ -27,18 +27,30 @@ def inverse(matrix: Array) -> Array:
     return result
 
 
+def _products() -> Array:
+    """The linear map (9, 16) from a rotation to four times the products of its quaternion's components, less eye(4)."""
+    terms = np.zeros((3, 3, 4, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        for row, sign in ((i, 1), (j, -1), (k, -1)):
+            terms[row, row, i, i] = sign
+        terms[i, i, 3, 3] = 1
+        for one, other in ((i, j), (j, i)):
+            terms[i, j, one, other] = terms[j, i, one, other] = 1
+        for one, other in ((k, 3), (3, k)):
+            terms[j, i, one, other], terms[i, j, one, other] = 1, -1
+    return terms.reshape(9, 16)
+
+
+_PRODUCTS = _products()
+
+
 def quaternion(matrices: Array) -> Array:
     """Return the unit quaternions (..., 4), ordered x, y, z, w, of poses (..., 4, 4), largest component positive."""
-    m = np.moveaxis(matrices[..., :3, :3], (-2, -1), (0, 1))
-    products = np.empty((*m.shape[2:], 4, 4))  # four times those of any two components
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        products[..., i, i] = 1 + m[i, i] - m[j, j] - m[k, k]
-        products[..., i, j] = products[..., j, i] = m[i, j] + m[j, i]
-        products[..., k, 3] = products[..., 3, k] = m[j, i] - m[i, j]
-    products[..., 3, 3] = 1 + m[0, 0] + m[1, 1] + m[2, 2]
-    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
-    result = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
-    return np.asarray(result / np.linalg.norm(result, axis=-1, keepdims=True))
+    products = (matrices[..., :3, :3].reshape(-1, 9) @ _PRODUCTS).reshape(-1, 4, 4) + np.eye(4)
+    largest = products[:, range(4), range(4)].argmax(axis=1)
+    result = products[np.arange(len(products)), largest]
+    result /= np.sqrt((result * result).sum(axis=1, keepdims=True))
+    return np.asarray(result.reshape(*matrices.shape[:-2], 4))
 
 
 def rotation(quaternions: Array) -> Array:
