@@ -44,12 +44,13 @@ def report(
     data = demonstrate(
         task, seed=seed, robot=robot, around=around, cache=cache, time_limit=time_limit, progress=progress
     )
+    progress("evaluating the features along the demonstrations")
     runs = [
         _run(f"Demonstration {number}: size {problem.size}, seed {problem.seed}", states)
         for number, (problem, states) in enumerate(zip(data.problems, retrace(policy, data, task), strict=True), 1)
     ]
     if plan is not None:
-        runs.insert(0, _planned(policy, task, plan))
+        runs.insert(0, _planned(policy, task, plan, progress))
     return {
         "task": policy.task,
         "description": task.file.description,
@@ -105,9 +106,11 @@ def _run(title: str, states: list[ExplainedState], animation: dict[str, Any] | N
     return {"title": title, "states": [vars(state) for state in states], "animation": animation}
 
 
-def _planned(policy: Policy, task: Task, plan: Plan) -> dict[str, Any]:
+def _planned(policy: Policy, task: Task, plan: Plan, progress: Progress) -> dict[str, Any]:
     """A plan, with its animation if the domain makes one."""
+    progress(f"evaluating the features along the plan: {len(plan.steps)} steps")
     states = trace(policy, plan, task)
+    progress("checking the plan")
     if problems := validate(plan, task):
         raise InputError(Diagnostic(f"the plan is not valid: {problems[0]}", hint="gentamp-lp validate says more"))
     title = f"Plan: size {plan.size}, seed {plan.seed}"
@@ -117,6 +120,7 @@ def _planned(policy: Policy, task: Task, plan: Plan) -> dict[str, Any]:
     instance = task.instance(plan.size, plan.seed, robot=plan.robot)
     adopt(plan, instance)
     steps = [(step.schema, step.args) for step in plan.steps]
+    progress("playing the plan")
     made = animate(instance.world, steps, instance.base.values, *plan.transit_args)
     camera = {"eye": made.camera.eye, "target": made.camera.target, "angle": made.camera.angle}
     return _run(title, states, {"viewer": made.viewer, "frames": made.frames, "camera": camera})

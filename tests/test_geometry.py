@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import pickle
 import signal
@@ -17,9 +18,11 @@ import pytest
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.collision import Swept, collide, convex, hits_table, placed
 from gentamp_lp.geometry.gripper import Gripper
+from gentamp_lp.geometry.models import load_model
+from gentamp_lp.geometry.playback import Playback
 from gentamp_lp.geometry.render import MOVIE, Scene, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import TABLE, Replay
-from gentamp_lp.geometry.robots import STEPS, Trajectory
+from gentamp_lp.geometry.robots import STEPS, Trajectory, make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, to_trimesh, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose, quaternion, rotation
 
@@ -273,14 +276,36 @@ def test_pictures(gripper, tmp_path):
         save_movie([], tmp_path / "none.gif")
 
 
+@pytest.mark.parametrize("name", ["gripper", "panda"])
+def test_boxes_leave_out_no_overlap(name):
+    """The boxes by which pairs are left out hold all that PyBullet finds to touch, wherever the robot moves."""
+    with contextlib.closing(make_robot(name)) as robot, Bullet() as world:
+        model = load_model(world, robot)
+        rng = np.random.default_rng(0)
+        cubes = [world.add(CUBE, np.eye(4)) for _ in range(6)]
+        touching = 0
+        for _ in range(60):
+            turned = robot.home + (rng.uniform(-0.4, 0.4, len(robot.home)) if name == "panda" else 0.0)
+            model.set(turned, robot.opening)
+            for cube in cubes:
+                world.move(cube, pose(*(model.tool()[:3, 3] + rng.uniform(-0.2, 0.2, 3)), rng.uniform(-3, 3)))
+            near = set(world.near(model.pieces, cubes))
+            touch = {(p, c) for p in model.pieces for c in cubes if world.closest(p, c, 0.0)}
+            touching += len(touch)
+            assert touch <= near
+    assert touching > 20 and len(near) < len(model.pieces) * len(cubes)
+
+
 def test_a_film_has_no_gaps(gripper):
     grasp = next(gripper.grasps(CUBE))
     start, goal = pose(0.4, 0.1, GAP), pose(0.5, -0.2, GAP, 0.4)
-    states = []
-    with Replay(gripper, states.append) as replay:
-        replay.add("a", CUBE, start)
-        replay.pick("a", reach(gripper, start, grasp), grasp)
-        replay.place("a", reach(gripper, goal, grasp), TABLE, goal)
+    playback = Playback(gripper)
+    playback.add("a", CUBE, start, TABLE)
+    assert [state.poses["a"].tolist() for state in playback.take()] == [start.tolist()]
+    playback.pick("a", reach(gripper, start, grasp), grasp)
+    playback.place("a", reach(gripper, goal, grasp), TABLE, goal)
+    states = playback.take()
+    assert np.allclose(states[-1].poses["a"], goal, atol=1e-9)
     assert len(states) == 4 * (STEPS + 1) and states[-1].held is None
     whole = list(smooth(gripper, states, 0.05))
     tools = [gripper.tool(state.configuration) for state in whole]

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
-from gentamp_lp.geometry.animation import Animation, animate
 from gentamp_lp.geometry.bullet import Camera
 from gentamp_lp.geometry.grasping import Grasp
 from gentamp_lp.geometry.mobile import Mobile
+from gentamp_lp.geometry.playback import Playback, State
 from gentamp_lp.geometry.render import MOVIE, STILL, film, save_movie, save_still, smooth
-from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay, State
+from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
@@ -24,6 +24,9 @@ from gentamp_lp.geometry.transforms import Array, difference, pose
 from . import rooms
 from .samplers import Reach
 from .scene import COLOURS, Placement, World
+
+if TYPE_CHECKING:
+    from gentamp_lp.geometry.animation import Animation
 
 Step = tuple[str, Sequence[str]]
 _SMALL_TURN = 0.02  # in transits, the longest move (rad, m) of a joint from one replayed configuration to the next
@@ -198,41 +201,51 @@ def check_plan(
     """Replay a plan, with its transits if it has any, in PyBullet; returns what is wrong, nothing when it is sound."""
     if transits is not None and len(transits) != len(steps):
         return [f"the plan has {len(transits)} transits for {len(steps)} steps"]
-    return _replay(world, steps, values, transits, None)
+    with Replay(world.robot, tables=world.tables, base=world.base.place) as replay:
+        for _ in _replay(world, steps, values, transits, replay):
+            pass
+        return replay.violations
 
 
 def _replay(
     world: World,
-    steps: Iterable[Step],
+    steps: Sequence[Step],
     values: Mapping[str, Any],
     transits: Sequence[Any] | None,
-    watch: Callable[[State], object] | None,
-) -> list[str]:
+    replay: Replay | Playback,
+) -> Iterator[None]:
+    """Put up the scene, then take one step after the other."""
     supports = {fact[1]: fact[3] for fact in world.static if fact[0] == "pose"}
-    with Replay(world.robot, watch, tables=world.tables, base=world.base.place) as replay:
-        for name, placement in world.start.items():
-            replay.add(name, world.shapes[name], placement.transform, _support(world, supports[name]))
-        if watch is not None:
-            watch(replay.state())
-        for number, (action, args) in enumerate(steps):
-            if transits is not None:
-                _transit(
-                    world, replay, f"transit to step {number + 1}", transits[number], motion(world, values[args[-1]])
-                )
-            if action in ("carry", "move"):
-                replay.move(motion(world, values[args[-1]]), label=action)
-                continue
+    for name, placement in world.start.items():
+        replay.add(name, world.shapes[name], placement.transform, _support(world, supports[name]))
+    yield
+    for number, (action, args) in enumerate(steps):
+        if transits is not None:
+            _transit(world, replay, f"transit to step {number + 1}", transits[number], motion(world, values[args[-1]]))
+        if action in ("carry", "move"):
+            replay.move(motion(world, values[args[-1]]), label=action)
+        else:
             name, where, support, _, grasp, _, reach = args
-            path = values[reach].trajectory if watch else _dense(world, values[reach].trajectory)
+            path = values[reach].trajectory
+            if isinstance(replay, Replay):
+                path = _dense(world, path)
             if action == "pick":
                 replay.pick(name, path, values[grasp])
-                continue
-            placement: Placement = values[where]
-            target = placement.transform
-            if placement.frame != "world":
-                target = replay.pose(placement.frame) @ target
-            replay.place(name, path, _support(world, support), target)
-        return list(replay.violations)
+            else:
+                placement: Placement = values[where]
+                target = placement.transform
+                if placement.frame != "world":
+                    target = replay.pose(placement.frame) @ target
+                replay.place(name, path, _support(world, support), target)
+        yield
+
+
+def _moments(
+    world: World, steps: Sequence[Step], values: Mapping[str, Any], transits: Sequence[Any] | None
+) -> list[list[State]]:
+    """The states before the first step of a sound plan, and those of each step."""
+    playback = Playback(world.robot, world.base.place)
+    return [playback.take() for _ in _replay(world, steps, values, transits, playback)]
 
 
 def motion(world: World, value: Reach | rooms.Way) -> Trajectory:
@@ -240,7 +253,7 @@ def motion(world: World, value: Reach | rooms.Way) -> Trajectory:
     return value.trajectory if isinstance(value, Reach) else value.trajectory(world.robot)
 
 
-def _transit(world: World, replay: Replay, label: str, rows: Any, following: Trajectory) -> None:
+def _transit(world: World, replay: Replay | Playback, label: str, rows: Any, following: Trajectory) -> None:
     """Move the arm to where a motion begins; the base, wherever it is, stands still."""
     robot, goal = world.robot, following.configurations[0]
     try:
@@ -254,7 +267,9 @@ def _transit(world: World, replay: Replay, label: str, rows: Any, following: Tra
         replay.violations.append(f"{label}: it does not lead from the end of the last motion to the next")
         return
     whole = Trajectory(path, following.opening)
-    replay.move(whole if replay.watch else _dense(world, whole, _SMALL_TURN), label=label, apart=True)
+    if isinstance(replay, Replay):
+        whole = _dense(world, whole, _SMALL_TURN)
+    replay.move(whole, label=label, apart=True)
 
 
 def _dense(world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
@@ -275,8 +290,7 @@ def render_plan(
     transits: Sequence[Any] | None = None,
 ) -> None:
     """Write a GIF of the plan, or for a `.png` its first state beside its last."""
-    states: list[State] = []
-    _replay(world, steps, values, transits, states.append)
+    states = [state for moment in _moments(world, steps, values, transits) for state in moment]
     mats = _mats(world)
     shapes = world.shapes | {name: shape for name, (shape, _) in mats.items()}
     where = {name: place for name, (_, place) in mats.items()}
@@ -296,14 +310,9 @@ def animate_plan(
     world: World, steps: Sequence[Step], values: Mapping[str, Any], transits: Sequence[Any] | None = None
 ) -> Animation:
     """The plan for a viewer in three dimensions: the moments before the first step, and of each step."""
-    moments: list[list[State]] = [[]]
+    from gentamp_lp.geometry.animation import animate
 
-    def begun() -> Iterator[Step]:
-        for step in steps:
-            moments.append([])
-            yield step
-
-    _replay(world, begun(), values, transits, lambda state: moments[-1].append(state))
+    moments = _moments(world, steps, values, transits)
     return animate(world.robot, world.shapes, moments, _view(world, STILL), world.tables, _mats(world).values())
 
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
+import numpy as np
+
 from gentamp_lp.geometry.bullet import Camera
+from gentamp_lp.geometry.playback import State
 from gentamp_lp.geometry.render import TABLE_TOP, WOOD, smooth
-from gentamp_lp.geometry.replay import State
 from gentamp_lp.geometry.robots import Link, Robot
 from gentamp_lp.geometry.shapes import Shape, to_trimesh
 from gentamp_lp.geometry.transforms import Array, quaternion
@@ -46,21 +48,22 @@ def animate(
     from trimesh.viewer.notebook import scene_to_html
 
     scene = trimesh.Scene()
-    states = [(number, state) for number, state in _in_between(robot, moments)]
-    names = [name for name in shapes if name in states[0][1].poses]
-    first = _places(robot, names, states[0][1])
+    steps, states = zip(*_in_between(robot, moments), strict=True)
+    names = [name for name in shapes if name in states[0].poses]
+    places = _places(robot, names, states)
     still = [(replace(shape, rgba=WOOD), where) for shape, where in tables or (TABLE_TOP,)] + list(mats)
     meshes = [_mesh(link) for link in robot.links] + [to_trimesh(shapes[name]) for name in names]
     for number, (mesh, where) in enumerate(
-        [*zip(meshes, first, strict=True), *((to_trimesh(shape), where) for shape, where in still)]
+        [*zip(meshes, places[0], strict=True), *((to_trimesh(shape), where) for shape, where in still)]
     ):
         scene.add_geometry(mesh, node_name=f"n{number}", geom_name=f"g{number}", transform=where)
-    frames: list[tuple[int, dict[int, list[float]]]] = []
-    before: list[list[float]] = [[] for _ in first]
-    for step, state in states:
-        now = [_numbers(where) for where in _places(robot, names, state)]
-        frames.append((step, {n: new for n, (old, new) in enumerate(zip(before, now, strict=True)) if new != old}))
-        before = now
+    numbers = np.concatenate([places[..., :3, 3], quaternion(places)], axis=2).round(4) + 0.0  # no -0.0
+    moved = np.ones(numbers.shape[:2], dtype=bool)
+    moved[1:] = (numbers[1:] != numbers[:-1]).any(axis=2)
+    frames = [
+        (step, {int(node): now[node].tolist() for node in np.flatnonzero(new)})
+        for step, now, new in zip(steps, numbers, moved, strict=True)
+    ]
     return Animation(scene_to_html(scene), frames, camera)
 
 
@@ -71,13 +74,15 @@ def _in_between(robot: Robot, moments: Sequence[Sequence[State]]) -> Iterable[tu
         last = list(states[-1:]) or last
 
 
-def _places(robot: Robot, names: Sequence[str], state: State) -> list[Array]:
-    bodies = robot.bodies(state.configuration, state.opening)
-    return [body.pose for body in bodies] + [state.poses[name] for name in names]
-
-
-def _numbers(where: Array) -> list[float]:
-    return [round(float(v), 4) for v in (*where[:3, 3], *quaternion(where))]
+def _places(robot: Robot, names: Sequence[str], states: Sequence[State]) -> Array:
+    """The poses (n, nodes, 4, 4) of the robot's links and of the objects."""
+    configurations = np.array([state.configuration for state in states])
+    openings = np.array([state.opening for state in states])
+    links = np.empty((len(states), len(robot.links), 4, 4))
+    for opening in np.unique(openings):
+        links[openings == opening] = robot.frames(configurations[openings == opening], float(opening))
+    objects = np.array([[state.poses[name] for name in names] for state in states])
+    return np.concatenate([links, objects.reshape(len(states), len(names), 4, 4)], axis=1)
 
 
 def _mesh(link: Link) -> Any:

@@ -96,6 +96,8 @@ class Bullet(Closing):
         if self.client < 0:
             raise RuntimeError("PyBullet gave no connection")
         self._centres: dict[int, Array] = {}  # of mass, in the base's URDF frame: what PyBullet moves
+        self._solid: dict[int, list[int]] = {}  # the links of a body with a collision shape
+        self._boxes: dict[int, Array] = {}  # around them, until they move
 
     def close(self) -> None:
         """End the world; calling it again does nothing."""
@@ -189,7 +191,8 @@ class Bullet(Closing):
 
     def move(self, body: int, pose: Array) -> None:
         """Put the base of a body (its URDF frame, if it has one) at a pose."""
-        pose = pose @ self._centres.get(body, np.eye(4))
+        self._boxes.pop(body, None)
+        pose = pose @ self._centres[body] if body in self._centres else pose
         pybullet.resetBasePositionAndOrientation(
             body, pose[:3, 3].tolist(), quaternion(pose).tolist(), physicsClientId=self.client
         )
@@ -223,6 +226,7 @@ class Bullet(Closing):
 
     def set_joints(self, body: int, joints: Sequence[int], values: Sequence[float] | Array) -> None:
         """Set joint positions (rad or m)."""
+        self._boxes.pop(body, None)
         for joint, value in zip(joints, values, strict=True):
             pybullet.resetJointState(body, joint, float(value), physicsClientId=self.client)
 
@@ -255,6 +259,32 @@ class Bullet(Closing):
         return np.array([i[8] for i in infos]), np.array([i[9] for i in infos])
 
     # distances
+
+    def boxes(self, body: int) -> Array:
+        """Return the axis-aligned boxes (n, 2, 3) around the solid links of a body: lower and upper corners (m)."""
+        if body not in self._solid:
+            count = pybullet.getNumJoints(body, physicsClientId=self.client)
+            self._solid[body] = [
+                link
+                for link in range(-1, count)
+                if pybullet.getCollisionShapeData(body, link, physicsClientId=self.client)
+            ]
+        if body not in self._boxes:
+            found = [pybullet.getAABB(body, link, physicsClientId=self.client) for link in self._solid[body]]
+            self._boxes[body] = np.array(found).reshape(-1, 2, 3)
+        return self._boxes[body]
+
+    def near(self, first: Sequence[int], second: Sequence[int]) -> list[tuple[int, int]]:
+        """Return the pairs of a body of the first and one of the second whose boxes meet: no others can overlap."""
+        if not first or not second:
+            return []
+        (one, a), (other, b) = self._all_boxes(first), self._all_boxes(second)
+        meet = ((a[:, None, 0] <= b[:, 1]) & (b[:, 0] <= a[:, None, 1])).all(axis=2)
+        return list(dict.fromkeys((one[i], other[j]) for i, j in np.argwhere(meet)))
+
+    def _all_boxes(self, bodies: Sequence[int]) -> tuple[list[int], Array]:
+        found = [self.boxes(body) for body in bodies]
+        return [body for body, boxes in zip(bodies, found, strict=True) for _ in boxes], np.concatenate(found)
 
     def closest(
         self, first: int, second: int, within: float, link: int | None = None

@@ -100,7 +100,7 @@ class Gripper(Robot):
 
     def near(self, configurations: Array, tools: Array) -> tuple[Array, Bools]:
         """Return the configurations of tool poses, with quaternions on the side of the given ones."""
-        turns = np.array([quaternion(tool) for tool in tools])
+        turns = quaternion(tools)
         turns *= np.where((turns * configurations[:, 3:]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
         return np.hstack([tools[:, :3, 3], turns]), np.hypot(*tools[:, :2, 3].T) <= self.furthest
 

@@ -13,7 +13,7 @@ from PIL import Image
 from gentamp_lp.files import replacing
 from gentamp_lp.geometry.bullet import Bullet, Camera, Closing
 from gentamp_lp.geometry.models import load_model
-from gentamp_lp.geometry.replay import State
+from gentamp_lp.geometry.playback import State
 from gentamp_lp.geometry.robots import Robot
 from gentamp_lp.geometry.shapes import Rgba, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, inverse, pose
@@ -77,15 +77,18 @@ def smooth(robot: Robot, states: Iterable[State], longest: float = 0.08) -> Iter
     Large turns of a joint are divided too. This is for the eye: nothing is checked on these ways. Objects
     that moved from one state to the next go with the tool.
     """
+    given = list(states)
+    tools = robot.tools(np.array([state.configuration for state in given])) if given else ()
     before: State | None = None
-    for state in states:
+    for index, state in enumerate(given):
         if before is not None:
-            first, last = robot.tool(before.configuration), robot.tool(state.configuration)
+            first, last = tools[index - 1], tools[index]
             metres, radians = difference(first, last)
             turn = max(radians, float(np.abs(state.configuration - before.configuration).max()))
             count = math.ceil(max(metres / longest, turn / (6 * longest))) - 1
-            moved = [n for n, p in state.poses.items() if not np.allclose(p, before.poses.get(n, p))]
-            for middle in robot.between(before.configuration, state.configuration, count):
+            middles = robot.between(before.configuration, state.configuration, count) if count > 0 else ()
+            moved = [n for n, p in state.poses.items() if not np.allclose(p, before.poses.get(n, p))] if count else []
+            for middle in middles:
                 change = robot.tool(middle) @ inverse(first)
                 poses = before.poses | {name: change @ before.poses[name] for name in moved}
                 yield State(middle, before.opening, poses, before.held)

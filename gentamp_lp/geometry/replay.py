@@ -6,7 +6,7 @@ Nothing is raised for a bad plan: each fault is a sentence in `Replay.violations
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,16 +41,6 @@ SLAB = (box(4.0, 4.0, 0.10), pose(0.0, 0.0, -0.10))
 """The table of a robot that does not drive, with its pose: as good as without end."""
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """A moment: configuration (dof,), finger distance (m), poses of all objects and which one is held."""
-
-    configuration: Array
-    opening: float
-    poses: dict[str, Array]
-    held: str | None
-
-
 @dataclass
 class _Object:
     shape: Shape
@@ -63,20 +53,17 @@ class Replay(Closing):
     """Tables with their tops at z = 0, a robot and objects; moves the robot and notes what cannot be.
 
     `tables` are their shapes and poses, by default one without end; `base` is where a mobile robot stands at first.
-    `watch` is called with each state gone through, e.g. to film it. Use the replay as a context manager or
-    call `close`.
+    Use the replay as a context manager or call `close`.
     """
 
     def __init__(
         self,
         robot: Robot,
-        watch: Callable[[State], object] | None = None,
         *,
         tables: Sequence[tuple[Shape, Array]] = (),
         base: Array | None = None,
     ) -> None:
         self.robot = robot
-        self.watch = watch
         self.violations: list[str] = []
         self.configuration = np.array(robot.home)
         if robot.mobile and base is not None:
@@ -110,11 +97,6 @@ class Replay(Closing):
     def support(self, name: str) -> str | None:
         """Return what an object stands on (`TABLE` or a name), None while it is held or when it floats."""
         return self._objects[name].support
-
-    def state(self) -> State:
-        """Return the present state."""
-        poses = {name: item.pose.copy() for name, item in self._objects.items()}
-        return State(self.configuration.copy(), self.opening, poses, self._held)
 
     def add(self, name: str, shape: Shape, pose: Array, support: str | None = None) -> list[str]:
         """Put an object into the world and check that it rests and overlaps nothing.
@@ -166,8 +148,6 @@ class Replay(Closing):
             self._check_robot(carried)
             if apart:
                 self._check_arm(carried)
-            if self.watch is not None:
-                self.watch(self.state())
         return self.violations[first:]
 
     def grasp(self, name: str, grasp: Grasp | None = None, *, label: str = "") -> list[str]:
@@ -280,35 +260,35 @@ class Replay(Closing):
 
     def _check_objects(self, moved: list[str]) -> None:
         """Note overlaps of the moved objects with the table and with all others."""
-        for name in moved:
-            body = self._objects[name].body
-            obstacles = {other: item.body for other, item in self._objects.items() if other not in moved}
-            for other, obstacle in self._with_tables(obstacles):
-                found = self._deepest(body, obstacle)
-                if found:
-                    self._note(f"{name} is {1000 * found[1]:.1f} mm inside {other}")
+        bodies = {self._objects[name].body: name for name in moved}
+        obstacles = self._with_tables({other: i.body for other, i in self._objects.items() if other not in moved})
+        for body, obstacle in self._world.near(list(bodies), list(obstacles)):
+            found = self._deepest(body, obstacle)
+            if found:
+                self._note(f"{bodies[body]} is {1000 * found[1]:.1f} mm inside {obstacles[obstacle]}")
 
     def _check_robot(self, carried: list[str]) -> None:
         """Note overlaps of the robot with the table and with all objects that it does not carry."""
-        obstacles = {name: item.body for name, item in self._objects.items() if name not in carried[:1]}
-        for piece in self._model.pieces:
-            for name, obstacle in self._with_tables(obstacles):
-                found = self._deepest(piece, obstacle, mounted=name != TABLE)
-                if found:
-                    link = self._model.names[piece, found[0]]
-                    self._note(f"the robot's {link} is {1000 * found[1]:.1f} mm inside {name}")
+        obstacles = self._with_tables({n: item.body for n, item in self._objects.items() if n not in carried[:1]})
+        for piece, obstacle in self._world.near(self._model.pieces, list(obstacles)):
+            found = self._deepest(piece, obstacle, mounted=obstacles[obstacle] != TABLE)
+            if found:
+                link = self._model.names[piece, found[0]]
+                self._note(f"the robot's {link} is {1000 * found[1]:.1f} mm inside {obstacles[obstacle]}")
 
     def _check_arm(self, carried: list[str]) -> None:
         """Note overlaps of what is carried with links of the robot other than the hand."""
         hand = {self.robot.links[index].name for index in self.robot.hand}
-        for piece in self._model.pieces:
-            for name in carried:
-                for link, distance, _ in self._world.closest(piece, self._objects[name].body, 0.0):
-                    if distance < -PENETRATION and self._model.names[piece, link] not in hand:
-                        self._note(f"{name} is {-1000 * distance:.1f} mm inside the {self._model.names[piece, link]}")
+        bodies = {self._objects[name].body: name for name in carried}
+        for piece, body in self._world.near(self._model.pieces, list(bodies)):
+            for link, distance, _ in self._world.closest(piece, body, 0.0):
+                if distance < -PENETRATION and self._model.names[piece, link] not in hand:
+                    where = self._model.names[piece, link]
+                    self._note(f"{bodies[body]} is {-1000 * distance:.1f} mm inside the {where}")
 
-    def _with_tables(self, obstacles: dict[str, int]) -> list[tuple[str, int]]:
-        return [*((TABLE, slab) for slab in self._slabs), *obstacles.items()]
+    def _with_tables(self, obstacles: dict[str, int]) -> dict[int, str]:
+        """The names of bodies."""
+        return dict.fromkeys(self._slabs, TABLE) | {body: name for name, body in obstacles.items()}
 
     def _straddle(self, name: str, tool: Array) -> None:
         """Note when a finger is not near the object, or both are on the same side of it."""

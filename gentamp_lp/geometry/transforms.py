@@ -27,30 +27,30 @@ def inverse(matrix: Array) -> Array:
     return result
 
 
-def quaternion(matrix: Array) -> Array:
-    """Return the unit quaternion (x, y, z, w) of a pose, with the largest component positive."""
-    m = matrix
-    squares = np.array(  # four times the square of each component
-        [
-            1 + m[0, 0] - m[1, 1] - m[2, 2],
-            1 - m[0, 0] + m[1, 1] - m[2, 2],
-            1 - m[0, 0] - m[1, 1] + m[2, 2],
-            1 + m[0, 0] + m[1, 1] + m[2, 2],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    x, y, z, w = 0, 1, 2, 3
-    products = {
-        (x, y): m[0, 1] + m[1, 0],
-        (x, z): m[0, 2] + m[2, 0],
-        (y, z): m[1, 2] + m[2, 1],
-        (x, w): m[2, 1] - m[1, 2],
-        (y, w): m[0, 2] - m[2, 0],
-        (z, w): m[1, 0] - m[0, 1],
-    }
-    values = [squares[i] if i == largest else products[(min(i, largest), max(i, largest))] for i in range(4)]
-    result = np.array(values, dtype=np.float64)
-    return result / np.linalg.norm(result)
+def _products() -> Array:
+    """The linear map (9, 16) from a rotation to four times the products of its quaternion's components, less eye(4)."""
+    terms = np.zeros((3, 3, 4, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        for row, sign in ((i, 1), (j, -1), (k, -1)):
+            terms[row, row, i, i] = sign
+        terms[i, i, 3, 3] = 1
+        for one, other in ((i, j), (j, i)):
+            terms[i, j, one, other] = terms[j, i, one, other] = 1
+        for one, other in ((k, 3), (3, k)):
+            terms[j, i, one, other], terms[i, j, one, other] = 1, -1
+    return terms.reshape(9, 16)
+
+
+_PRODUCTS = _products()
+
+
+def quaternion(matrices: Array) -> Array:
+    """Return the unit quaternions (..., 4), ordered x, y, z, w, of poses (..., 4, 4), largest component positive."""
+    products = (matrices[..., :3, :3].reshape(-1, 9) @ _PRODUCTS).reshape(-1, 4, 4) + np.eye(4)
+    largest = products[:, range(4), range(4)].argmax(axis=1)
+    result = products[np.arange(len(products)), largest]
+    result /= np.sqrt((result * result).sum(axis=1, keepdims=True))
+    return np.asarray(result.reshape(*matrices.shape[:-2], 4))
 
 
 def rotation(quaternions: Array) -> Array:
