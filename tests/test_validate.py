@@ -499,7 +499,7 @@ def test_missing_keys(files: dict[str, Data], tmp_path: Path, key: str) -> None:
         (b"[]", "not a plan file"),
         (b'"plan"', "not a plan file"),
         (b"{}", "not a plan file"),
-        (b"\xff\xfe\x00", "not a plan file"),
+        (b"\xff\xfe\x00", "cannot read the file: .utf-8. codec"),
     ],
 )
 def test_other_files(tmp_path: Path, content: bytes, message: str) -> None:
@@ -510,7 +510,7 @@ def test_other_files(tmp_path: Path, content: bytes, message: str) -> None:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot read the file"):
+    with pytest.raises(InputError, match="no such file"):
         Plan.load(tmp_path / "none.json")
 
 
