@@ -248,6 +248,12 @@ CASES = {
     "grammar nested too deeply": (
         lambda p: ["check", p.write("g.lp", "law(x, " + "f(" * 50000 + "a" + ")" * 50000 + ", B).\n")],
         "g.lp: error", "nested"),
+    "grammar with a line end in its name": (
+        lambda p: ["check", p.write("a\nb.lp", "lwa(a).\n")], "a\\nb.lp: error", "rename"),
+    "grammar with a name that is no text": (
+        lambda p: ["check", p.write("\udcff.lp", "lwa(a).\n")], "error", "not Unicode"),
+    "formula that is no text": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "\udcff"], "formula", "not Unicode"),
     "unknown word in a grammar": (lambda p: ["check", p.write("g.lp", "lwa(a, b, c).\n")], "g.lp:1", ""),
     # --- domains
     "stranger's domain": (lambda p: ["learn", p.coins()], "outside gentamp-lp", "--trust"),
@@ -351,6 +357,32 @@ CASES = {
     "a file as bundle": (lambda p: ["explain", p.write("x.txt", "")], "x.txt: error: there is no policy.lp", "learn"),
     "plan as bundle": (lambda p: ["compile", "plan.json", "--out", "c"], "plan.json", ""),
     "neither plan nor bundle": (lambda p: ["validate", p.write("x.txt", "hello")], "x.txt", ""),
+    # --- what no file should hold, and places that no file should be in
+    **{
+        f"NUL in {name}": (
+            lambda p, name=name, arguments=arguments: [p.write(name, b"a\n\0b"), *arguments][1:],
+            f"{name}:2: error: cannot read the file: it holds a NUL character", "hint: text has none")
+        for name, arguments in {
+            "task.yaml": ["learn", "task.yaml"],
+            "g.lp": ["check", "g.lp"],
+            "q.lp": ["synthesize", "q.lp"],
+            "plan.json": ["validate", "plan.json"],
+            "r.yaml": ["solve", "unstack", "--size", "2", "--robot", "r.yaml"],
+            "f.txt": ["features", "unstack", "--formula", "@f.txt"],
+            "runs/unstack/policy.lp": ["explain", "runs/unstack"],
+            "runs/unstack/features.pl": ["explain", "runs/unstack"],
+            "runs/unstack/report.json": ["explain", "runs/unstack"],
+            "runs/unstack/failures.jsonl": ["learn", "--refine", "runs/unstack"],
+        }.items()
+    },
+    "YAML with a control character": (
+        lambda p: ["learn", p.write(YAML, "name: \a")], "not allowed\n", "task.yaml: error"),
+    "task that is a pipe": (lambda p: ["learn", p.pipe("t.yaml")], "t.yaml: error: cannot read the file", "pipe"),
+    "plan that is a link to itself": (lambda p: ["validate", p.loop("p.json")], "p.json: error", "symbolic links"),
+    "a name with a letter too much": (lambda p: ["validate", "plann.json"], "no such file", "did you mean `plan.json`"),
+    "name with a line end and a colour": (
+        lambda p: ["validate", "a\n\x1b[31mb.json"], "a\\n\\x1b[31mb.json: error: no such file", ""),
+    "name like markup": (lambda p: ["validate", "[/]x[red].json"], "[/]x[red].json: error: no such file", ""),
     # --- planning problems
     "facts with unknown predicate": (
         lambda p: ["synthesize", p.write("q.lp", "state(1). stat(2).\n")], "q.lp:1", "stat"),
@@ -392,10 +424,15 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert after == before, f"left behind: {set(after) ^ set(before)}"
 
 
-def test_names_with_brackets_are_no_markup(place, monkeypatch, capsys):
-    for arguments in (["solve", "unstack", "--size", "2", "--out", "[/i].json"], ["validate", "[/i].json"]):
-        code, said = gentamp(monkeypatch, capsys, arguments)
-        assert code == 0 and "[/i].json" in said, said
+def test_names_are_not_markup(place, monkeypatch, capsys):
+    """Messages that end well show brackets and colons in names as they are."""
+    for arguments, name in (
+        (["solve", "unstack", "--size", "2", "-q", "--out"], "[/]:smile:.json"),
+        (["compile", "runs/unstack", "--out"], "[/b]"),
+        (["report", "runs/unstack", "-q", "--out"], "[/red]x.html"),
+    ):
+        code, said = gentamp(monkeypatch, capsys, [*arguments, name])
+        assert code == 0 and name in said, said
 
 
 def rewritten(place, change):
