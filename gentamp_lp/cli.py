@@ -7,6 +7,8 @@ import io
 import json
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -852,6 +854,33 @@ def _options(
     pass
 
 
+class _Output(io.TextIOWrapper):
+    """A stream whose failure ends the program: as SIGPIPE does where nobody reads, else (full disk) as bad input."""
+
+    lost = False
+
+    def write(self, text: str) -> int:
+        with self._ending():
+            return len(text) if self.lost else super().write(text)
+
+    def flush(self) -> None:
+        with self._ending():
+            if not self.lost:
+                super().flush()
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.lost = True  # also for the flush when Python ends
+            if isinstance(error, BrokenPipeError):
+                raise SystemExit(141) from None
+            raise InputError(
+                Diagnostic(f"cannot write the output: {error.strerror}", hint="send it elsewhere")
+            ) from None
+
+
 def _open_streams() -> None:
     """Let closed streams lead nowhere, and show what the locale has no signs for as escapes."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -860,9 +889,11 @@ def _open_streams() -> None:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if type(stream) is io.TextIOWrapper:  # nobody replaced it
+            encoding, buffering, through = stream.encoding, stream.line_buffering, stream.write_through
+            setattr(sys, name, _Output(stream.detach(), encoding, "backslashreplace", None, buffering, through))
 
 
 def main() -> None:
@@ -870,7 +901,10 @@ def main() -> None:
     _open_streams()
     send_swallowed_again()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # while its failure can be told
     except GentampError as error:
         messages.print(str(error) if isinstance(error, InputError) else f"error: {error}")
         sys.exit(error.exit_code)

@@ -485,3 +485,26 @@ def test_a_poor_terminal_is_no_mistake(arguments, redirect, environment, place):
     said = done.stdout + done.stderr
     assert done.returncode == 0 and b"Traceback" not in said, said.decode(errors="replace")
     assert ">&-" in redirect or said
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("command", "code", "words"),
+    [
+        ("set -o pipefail; {} --help | true", 141, ""),
+        ("set -o pipefail; {} schema task | true", 141, ""),
+        ("set -o pipefail; {} check no.yaml 2>&1 | true", 141, ""),
+        ("ulimit -f 0; {} schema task > out", 2, "error: cannot write the output: File too large\n  hint:"),
+    ],
+)
+def test_output_that_is_lost_is_no_answer(command, code, words, unbuffered, place):
+    """Not 0, and not the 1 of a negative answer: 141 as after SIGPIPE where nobody reads, 2 on a full disk."""
+    done = subprocess.run(
+        ["bash", "-c", command.format(f'"{sys.executable}" -m gentamp_lp')],
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == code and words in done.stderr and "Traceback" not in done.stderr, done
+    assert words or not done.stderr
