@@ -851,7 +851,10 @@ def _options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    pass
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError(Diagnostic("the current folder is gone", hint="go to one that is there: cd")) from None
 
 
 class _Output(io.TextIOWrapper):

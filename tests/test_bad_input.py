@@ -399,6 +399,12 @@ CASES = {
         "own", "not replaced"),
     "output is a link to nowhere": (
         lambda p: ["learn", "unstack", "-q", "--out", p.loop("loop")], "loop", "leads nowhere"),
+    "output below a file": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.write("taken", "mine") + "/policy"], "taken", "hint: choose"),
+    "output with a name of 300 characters": (
+        lambda p: ["learn", "unstack", "-q", "--max-complexity", "3", "--out", "n" * 300], "name too long", "hint:"),
+    "output below a link to itself": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.loop("l") + "/policy"], "l/policy: error", "hint: choose"),
     "task name of 5000 characters": (lambda p: ["learn", "a/" + "b" * 5000], "bbb", "no such"),
     "plan into a file's folder": (
         lambda p: ["solve", "unstack", "--size", "2", "-q", "--out", p.write("taken", "mine") + "/plan.json"],
@@ -422,6 +428,19 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert first in said and second in said, said
     after = {p: p.read_bytes() for p in place.folder.rglob("*") if p.is_file() and p.suffix != ".pyc"}
     assert after == before, f"left behind: {set(after) ^ set(before)}"
+
+
+def test_a_folder_that_is_read_only_or_gone(place, monkeypatch, capsys):
+    """Nothing is learned for a place that cannot be written (for root all can: `access` is asked)."""
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != place.folder)
+    code, said = gentamp(monkeypatch, capsys, ["learn", "unstack", "--out", "p"])
+    assert code == 2 and said.startswith("p: error: cannot write the policy: no place in") and "hint: choose" in said
+    (place.folder / "gone").mkdir()
+    monkeypatch.chdir(place.folder / "gone")
+    (place.folder / "gone").rmdir()
+    code, said = gentamp(monkeypatch, capsys, ["learn", "unstack"])
+    monkeypatch.chdir(place.folder)
+    assert code == 2 and "the current folder is gone" in said, said
 
 
 def test_names_are_not_markup(place, monkeypatch, capsys):
