@@ -914,6 +914,11 @@ def main() -> None:
     except RecursionError:
         messages.print("error: something in what was given is nested too deeply")
         sys.exit(InputError.exit_code)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        messages.print(str(Diagnostic(str(error.strerror), error.filename, hint="check its name and permissions")))
+        sys.exit(2)
     except KeyboardInterrupt:
         messages.print("interrupted")
         sys.exit(130)

@@ -378,6 +378,14 @@ CASES = {
     "YAML with a control character": (
         lambda p: ["learn", p.write(YAML, "name: \a")], "not allowed\n", "task.yaml: error"),
     "task that is a pipe": (lambda p: ["learn", p.pipe("t.yaml")], "t.yaml: error: cannot read the file", "pipe"),
+    **{
+        f"name of 300 characters: {' '.join(arguments)}": (
+            lambda p, arguments=arguments: [*arguments, "n" * 300 + ".lp"], "nnn.lp", "name too long")
+        for arguments in (
+            ["check"], ["validate"], ["features", "unstack", "--grammar"],
+            ["solve", "unstack", "--size", "2", "--policy"],
+            ["bench", "unstack", "--out"])
+    },
     "plan that is a link to itself": (lambda p: ["validate", p.loop("p.json")], "p.json: error", "symbolic links"),
     "a name with a letter too much": (lambda p: ["validate", "plann.json"], "no such file", "did you mean `plan.json`"),
     "name with a line end and a colour": (
