@@ -894,6 +894,8 @@ def _open_streams() -> None:
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
         if type(stream) is io.TextIOWrapper:  # nobody replaced it
             encoding, buffering, through = stream.encoding, stream.line_buffering, stream.write_through
             setattr(sys, name, _Output(stream.detach(), encoding, "backslashreplace", None, buffering, through))
