@@ -23,7 +23,7 @@ from scipy.stats import t as student
 from gentamp_lp import __version__
 from gentamp_lp.children import start
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.files import write_text
+from gentamp_lp.files import write_text, writing
 from gentamp_lp.inputs import read_text
 
 MODES = {  # name -> options of `solve`
@@ -180,7 +180,7 @@ def append(path: Path, row: Row) -> None:
     """Add a row in one write."""
     line = io.StringIO()
     csv.DictWriter(line, NAMES, lineterminator="\n").writerow(asdict(row))
-    with path.open("ab", buffering=0) as file:
+    with writing(path), path.open("ab", buffering=0) as file:
         file.write(line.getvalue().encode())
 
 

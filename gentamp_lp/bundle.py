@@ -14,6 +14,7 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features import to_formula
+from gentamp_lp.files import writing
 from gentamp_lp.inputs import read_text
 from gentamp_lp.policy import AbstractAction, CertificateStep, Feature, Policy, Rule, Valuation
 from gentamp_lp.streams.facts import sort_predicate
@@ -51,29 +52,35 @@ def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, re
         "report.json": json.dumps(report, indent=2, ensure_ascii=False) + "\n",
     }
     folder = folder.absolute()
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as beside:
-        new, old = Path(beside, "new"), Path(beside, "old")
-        new.mkdir()
-        for name, content in files.items():
-            (new / name).write_text(content, encoding="utf-8", newline="\n")
-        if folder.exists():
-            folder.rename(old)
-        try:
-            new.rename(folder)
-        except OSError:
-            if old.exists():
-                old.rename(folder)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+    with writing(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name[:50]}-", dir=folder.parent) as beside:
+            new, old = Path(beside, "new"), Path(beside, "old")
+            new.mkdir()
+            for name, content in files.items():
+                (new / name).write_text(content, encoding="utf-8", newline="\n")
+            if folder.exists():
+                folder.rename(old)
+            try:
+                new.rename(folder)
+            except OSError:
+                if old.exists():
+                    old.rename(folder)
+                raise
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def require_place(folder: Path) -> None:
-    """Raise InputError if the folder holds something else than a policy bundle, or is a link to nothing."""
-    if folder.is_symlink() and not os.path.exists(folder):
-        raise InputError(Diagnostic("a symbolic link that leads nowhere: not replaced", path=folder))
-    if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
-        raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", path=folder))
+    """Raise InputError if the folder cannot be written, holds something else than a policy, or is a link to nothing."""
+    hint = "choose another place, or remove what is there"
+    with writing(folder):
+        if folder.is_symlink() and not os.path.exists(folder):
+            raise InputError(Diagnostic("a symbolic link that leads nowhere: not replaced", folder, hint=hint))
+        nearest = next(parent for parent in folder.absolute().parents if os.path.exists(parent))
+        if not os.access(os.path.join(nearest, ""), os.W_OK):
+            raise InputError(Diagnostic(f"cannot write the policy: no place in `{nearest}`", folder, hint=hint))
+        if folder.exists() and not (folder / "policy.lp").is_file() and (folder.is_file() or any(folder.iterdir())):
+            raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", folder, hint=hint))
 
 
 def policy_facts(policy: Policy) -> str:

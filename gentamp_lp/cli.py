@@ -7,6 +7,8 @@ import io
 import json
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-messages = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+messages = Console(stderr=True, highlight=False, markup=False, emoji=False, soft_wrap=True)  # names are not markup
 
 
 class Transitions(StrEnum):
@@ -849,7 +851,37 @@ def _options(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    pass
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError(Diagnostic("the current folder is gone", hint="go to one that is there: cd")) from None
+
+
+class _Output(io.TextIOWrapper):
+    """A stream whose failure ends the program: as SIGPIPE does where nobody reads, else (full disk) as bad input."""
+
+    lost = False
+
+    def write(self, text: str) -> int:
+        with self._ending():
+            return len(text) if self.lost else super().write(text)
+
+    def flush(self) -> None:
+        with self._ending():
+            if not self.lost:
+                super().flush()
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.lost = True  # also for the flush when Python ends
+            if isinstance(error, BrokenPipeError):
+                raise SystemExit(141) from None
+            raise InputError(
+                Diagnostic(f"cannot write the output: {error.strerror}", hint="send it elsewhere")
+            ) from None
 
 
 def _open_streams() -> None:
@@ -860,9 +892,13 @@ def _open_streams() -> None:
     for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
-    for stream in (sys.stdout, sys.stderr):
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+        if type(stream) is io.TextIOWrapper:  # nobody replaced it
+            encoding, buffering, through = stream.encoding, stream.line_buffering, stream.write_through
+            setattr(sys, name, _Output(stream.detach(), encoding, "backslashreplace", None, buffering, through))
 
 
 def main() -> None:
@@ -870,13 +906,21 @@ def main() -> None:
     _open_streams()
     send_swallowed_again()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # while its failure can be told
     except GentampError as error:
         messages.print(str(error) if isinstance(error, InputError) else f"error: {error}")
         sys.exit(error.exit_code)
     except RecursionError:
         messages.print("error: something in what was given is nested too deeply")
         sys.exit(InputError.exit_code)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        messages.print(str(Diagnostic(str(error.strerror), error.filename, hint="check its name and permissions")))
+        sys.exit(2)
     except KeyboardInterrupt:
         messages.print("interrupted")
         sys.exit(130)

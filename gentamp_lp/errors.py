@@ -17,7 +17,8 @@ class Diagnostic:
     hint: str | None = None
 
     def __str__(self) -> str:
-        where = ":".join(str(part) for part in (self.path, self.line, self.column) if part is not None)
+        path = None if self.path is None else "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(self.path))
+        where = ":".join(str(part) for part in (path, self.line, self.column) if part is not None)
         text = f"{where}: error: {self.message}" if where else f"error: {self.message}"
         return f"{text}\n  hint: {self.hint}" if self.hint else text
 

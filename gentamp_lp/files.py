@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -12,16 +13,26 @@ from gentamp_lp.errors import Diagnostic, InputError
 
 
 @contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Make what keeps a file or folder from being written in the block an InputError."""
+    try:
+        yield
+    except OSError as error:
+        hint = "choose a place that has room and where you may write"
+        raise InputError(Diagnostic(f"cannot write the file: {error.strerror}", path, hint=hint)) from None
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a file beside `path` to write to; at the end of the block it takes the place of `path`.
 
     If the block fails nothing is left behind. Raises InputError when the folder cannot be written to.
     """
-    if path.is_dir():
-        raise InputError(Diagnostic("cannot write the file: this is a folder", path))
-    try:
+    with writing(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "this is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:50]}-")
         os.close(handle)
         beside = Path(name)
         try:
@@ -30,8 +41,6 @@ def replacing(path: Path) -> Iterator[Path]:
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(Diagnostic(f"cannot write the file: {error.strerror}", path)) from None
 
 
 def write_text(path: Path, text: str) -> None:

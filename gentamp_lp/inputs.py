@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,16 +24,33 @@ def read_text(path: Path) -> str:
     """
     try:
         if path.is_dir():
-            raise InputError(Diagnostic("cannot read the file: this is a folder", path))
+            raise _unreadable(path, "this is a folder", "give a file")
         if path.exists() and not path.is_file():
-            raise InputError(Diagnostic("cannot read the file: it is a pipe or a device", path))
-        return path.read_text(encoding="utf-8-sig")
+            raise _unreadable(path, "it is a pipe or a device", "save what comes out of it in a file first")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise InputError(Diagnostic("no such file", path)) from None
+        raise InputError(Diagnostic("no such file", path, hint=_alike(path))) from None
     except OSError as error:
-        raise InputError(Diagnostic(f"cannot read the file: {error.strerror}", path)) from None
+        hint = f"allow it: chmod u+r {shlex.quote(str(path))}" if isinstance(error, PermissionError) else None
+        raise _unreadable(path, str(error.strerror), hint) from None
     except ValueError as error:  # not UTF-8
-        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
+        raise _unreadable(path, str(error), "save it as UTF-8 text") from None
+    before, nul, _ = text.partition("\0")
+    if nul:
+        raise _unreadable(path, "it holds a NUL character", "text has none: restore the file", before.count("\n") + 1)
+    return text
+
+
+def _unreadable(path: Path, why: str, hint: str | None = None, line: int | None = None) -> InputError:
+    return InputError(Diagnostic(f"cannot read the file: {why}", path, line, hint=hint))
+
+
+def _alike(path: Path) -> str | None:
+    """What may have been meant by the name of a file that is not there."""
+    readable = path.parent.is_dir() and os.access(path.parent, os.R_OK | os.X_OK)
+    beside = [other.name for other in path.parent.iterdir()] if readable else []
+    alike = get_close_matches(path.name, beside, 1)
+    return f"did you mean `{path.parent / alike[0]}`?" if alike else None
 
 
 def read_json(path: Path) -> Any:
@@ -41,9 +61,9 @@ def read_json(path: Path) -> Any:
     except json.JSONDecodeError as error:
         raise InputError(Diagnostic(f"not valid JSON: {error.msg}", path, error.lineno, error.colno)) from None
     except RecursionError:
-        raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
+        raise _unreadable(path, "it is nested too deeply") from None
     except ValueError as error:  # numbers with thousands of digits
-        raise InputError(Diagnostic(f"cannot read the file: {error}", path)) from None
+        raise _unreadable(path, str(error)) from None
 
 
 def read_yaml(path: Path) -> Any:
@@ -56,10 +76,9 @@ def read_yaml(path: Path) -> Any:
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
         raise InputError(Diagnostic(f"not valid YAML: {error.problem}", path, line, column)) from None
     except RecursionError:
-        raise InputError(Diagnostic("cannot read the file: it is nested too deeply", path)) from None
+        raise _unreadable(path, "it is nested too deeply") from None
     except (YAMLError, ValueError, TypeError, KeyError) as error:  # the last three: values unlike their tags
-        reason = str(error).partition("\n")[0]
-        raise InputError(Diagnostic(f"cannot read the file: {reason}", path)) from None
+        raise _unreadable(path, str(error).partition("\n")[0]) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)

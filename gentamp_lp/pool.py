@@ -205,6 +205,11 @@ def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
     if not diagnostics:
         for path in grammars:
             read_text(path)
+            if re.search(r"[\t\n]", str(path.absolute())):
+                hint = "rename the file or the folder"
+                raise InputError(
+                    Diagnostic("Prolog reports no files with tabs or line ends in their names", path, hint=hint)
+                )
         files = [resource("logic", "grammar.lp"), *(path.absolute() for path in grammars)]
         try:
             diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))

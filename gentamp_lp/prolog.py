@@ -130,6 +130,12 @@ class PrologProcess:
 
     def _call(self, method: str, argument: str, time_limit: float | None) -> str:
         assert self._child.stdin is not None and self._child.stdout is not None
+        try:
+            argument.encode()
+        except UnicodeEncodeError as error:
+            wrong = argument[error.start : error.end]
+            hint = "write formulas, and name files, in UTF-8"
+            raise InputError(Diagnostic(f"{wrong!r} is not Unicode text", hint=hint)) from None
         timer = None
         if time_limit is not None and time_limit < threading.TIMEOUT_MAX:
             timer = threading.Timer(max(0.0, time_limit), self._expire)

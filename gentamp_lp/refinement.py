@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.files import writing
 from gentamp_lp.inputs import read_text
 from gentamp_lp.reports import Failure, read_report
 
@@ -24,11 +25,8 @@ def record(folder: Path, failure: Failure) -> None:
     if any(_problem(known) == _problem(failure) for known in recorded(folder)):
         return
     path = folder / _FILE
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(failure), ensure_ascii=False) + "\n")
-    except OSError as error:
-        raise InputError(Diagnostic(f"the failure cannot be kept: {error.strerror}", path)) from None
+    with writing(path), path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(asdict(failure), ensure_ascii=False) + "\n")
 
 
 def recorded(folder: Path) -> list[Failure]:

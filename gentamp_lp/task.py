@@ -193,7 +193,7 @@ def shipped_tasks() -> list[str]:
 
 def _find(name: str | Path) -> Path:
     path = Path(name)
-    if os.path.isfile(path):  # unlike Path.is_file, False for impossible names
+    if os.path.exists(path) and not os.path.isdir(path):  # unlike Path.exists, False for impossible names
         return path
     shipped = resource("tasks", f"{name}.yaml")
     if path.suffix == "" and len(path.parts) == 1 and os.path.isfile(shipped):

@@ -248,6 +248,12 @@ CASES = {
     "grammar nested too deeply": (
         lambda p: ["check", p.write("g.lp", "law(x, " + "f(" * 50000 + "a" + ")" * 50000 + ", B).\n")],
         "g.lp: error", "nested"),
+    "grammar with a line end in its name": (
+        lambda p: ["check", p.write("a\nb.lp", "lwa(a).\n")], "a\\nb.lp: error", "rename"),
+    "grammar with a name that is no text": (
+        lambda p: ["check", p.write("\udcff.lp", "lwa(a).\n")], "error", "not Unicode"),
+    "formula that is no text": (
+        lambda p: ["features", "unstack", "--max-complexity", "1", "--formula", "\udcff"], "formula", "not Unicode"),
     "unknown word in a grammar": (lambda p: ["check", p.write("g.lp", "lwa(a, b, c).\n")], "g.lp:1", ""),
     # --- domains
     "stranger's domain": (lambda p: ["learn", p.coins()], "outside gentamp-lp", "--trust"),
@@ -351,6 +357,40 @@ CASES = {
     "a file as bundle": (lambda p: ["explain", p.write("x.txt", "")], "x.txt: error: there is no policy.lp", "learn"),
     "plan as bundle": (lambda p: ["compile", "plan.json", "--out", "c"], "plan.json", ""),
     "neither plan nor bundle": (lambda p: ["validate", p.write("x.txt", "hello")], "x.txt", ""),
+    # --- what no file should hold, and places that no file should be in
+    **{
+        f"NUL in {name}": (
+            lambda p, name=name, arguments=arguments: [p.write(name, b"a\n\0b"), *arguments][1:],
+            f"{name}:2: error: cannot read the file: it holds a NUL character", "hint: text has none")
+        for name, arguments in {
+            "task.yaml": ["learn", "task.yaml"],
+            "g.lp": ["check", "g.lp"],
+            "q.lp": ["synthesize", "q.lp"],
+            "plan.json": ["validate", "plan.json"],
+            "r.yaml": ["solve", "unstack", "--size", "2", "--robot", "r.yaml"],
+            "f.txt": ["features", "unstack", "--formula", "@f.txt"],
+            "runs/unstack/policy.lp": ["explain", "runs/unstack"],
+            "runs/unstack/features.pl": ["explain", "runs/unstack"],
+            "runs/unstack/report.json": ["explain", "runs/unstack"],
+            "runs/unstack/failures.jsonl": ["learn", "--refine", "runs/unstack"],
+        }.items()
+    },
+    "YAML with a control character": (
+        lambda p: ["learn", p.write(YAML, "name: \a")], "not allowed\n", "task.yaml: error"),
+    "task that is a pipe": (lambda p: ["learn", p.pipe("t.yaml")], "t.yaml: error: cannot read the file", "pipe"),
+    **{
+        f"name of 300 characters: {' '.join(arguments)}": (
+            lambda p, arguments=arguments: [*arguments, "n" * 300 + ".lp"], "nnn.lp", "name too long")
+        for arguments in (
+            ["check"], ["validate"], ["features", "unstack", "--grammar"],
+            ["solve", "unstack", "--size", "2", "--policy"],
+            ["bench", "unstack", "--out"])
+    },
+    "plan that is a link to itself": (lambda p: ["validate", p.loop("p.json")], "p.json: error", "symbolic links"),
+    "a name with a letter too much": (lambda p: ["validate", "plann.json"], "no such file", "did you mean `plan.json`"),
+    "name with a line end and a colour": (
+        lambda p: ["validate", "a\n\x1b[31mb.json"], "a\\n\\x1b[31mb.json: error: no such file", ""),
+    "name like markup": (lambda p: ["validate", "[/]x[red].json"], "[/]x[red].json: error: no such file", ""),
     # --- planning problems
     "facts with unknown predicate": (
         lambda p: ["synthesize", p.write("q.lp", "state(1). stat(2).\n")], "q.lp:1", "stat"),
@@ -367,6 +407,12 @@ CASES = {
         "own", "not replaced"),
     "output is a link to nowhere": (
         lambda p: ["learn", "unstack", "-q", "--out", p.loop("loop")], "loop", "leads nowhere"),
+    "output below a file": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.write("taken", "mine") + "/policy"], "taken", "hint: choose"),
+    "output with a name of 300 characters": (
+        lambda p: ["learn", "unstack", "-q", "--max-complexity", "3", "--out", "n" * 300], "name too long", "hint:"),
+    "output below a link to itself": (
+        lambda p: ["learn", "unstack", "-q", "--out", p.loop("l") + "/policy"], "l/policy: error", "hint: choose"),
     "task name of 5000 characters": (lambda p: ["learn", "a/" + "b" * 5000], "bbb", "no such"),
     "plan into a file's folder": (
         lambda p: ["solve", "unstack", "--size", "2", "-q", "--out", p.write("taken", "mine") + "/plan.json"],
@@ -392,10 +438,28 @@ def test_a_mistake_is_explained(case, place, monkeypatch, capsys):
     assert after == before, f"left behind: {set(after) ^ set(before)}"
 
 
-def test_names_with_brackets_are_no_markup(place, monkeypatch, capsys):
-    for arguments in (["solve", "unstack", "--size", "2", "--out", "[/i].json"], ["validate", "[/i].json"]):
-        code, said = gentamp(monkeypatch, capsys, arguments)
-        assert code == 0 and "[/i].json" in said, said
+def test_a_folder_that_is_read_only_or_gone(place, monkeypatch, capsys):
+    """Nothing is learned for a place that cannot be written (for root all can: `access` is asked)."""
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != place.folder)
+    code, said = gentamp(monkeypatch, capsys, ["learn", "unstack", "--out", "p"])
+    assert code == 2 and said.startswith("p: error: cannot write the policy: no place in") and "hint: choose" in said
+    (place.folder / "gone").mkdir()
+    monkeypatch.chdir(place.folder / "gone")
+    (place.folder / "gone").rmdir()
+    code, said = gentamp(monkeypatch, capsys, ["learn", "unstack"])
+    monkeypatch.chdir(place.folder)
+    assert code == 2 and "the current folder is gone" in said, said
+
+
+def test_names_are_not_markup(place, monkeypatch, capsys):
+    """Messages that end well show brackets and colons in names as they are."""
+    for arguments, name in (
+        (["solve", "unstack", "--size", "2", "-q", "--out"], "[/]:smile:.json"),
+        (["compile", "runs/unstack", "--out"], "[/b]"),
+        (["report", "runs/unstack", "-q", "--out"], "[/red]x.html"),
+    ):
+        code, said = gentamp(monkeypatch, capsys, [*arguments, name])
+        assert code == 0 and name in said, said
 
 
 def rewritten(place, change):
@@ -448,3 +512,26 @@ def test_a_poor_terminal_is_no_mistake(arguments, redirect, environment, place):
     said = done.stdout + done.stderr
     assert done.returncode == 0 and b"Traceback" not in said, said.decode(errors="replace")
     assert ">&-" in redirect or said
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("command", "code", "words"),
+    [
+        ("set -o pipefail; {} --help | true", 141, ""),
+        ("set -o pipefail; {} schema task | true", 141, ""),
+        ("set -o pipefail; {} check no.yaml 2>&1 | true", 141, ""),
+        ("ulimit -f 0; {} schema task > out", 2, "error: cannot write the output: File too large\n  hint:"),
+    ],
+)
+def test_output_that_is_lost_is_no_answer(command, code, words, unbuffered, place):
+    """Not 0, and not the 1 of a negative answer: 141 as after SIGPIPE where nobody reads, 2 on a full disk."""
+    done = subprocess.run(
+        ["bash", "-c", command.format(f'"{sys.executable}" -m gentamp_lp')],
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == code and words in done.stderr and "Traceback" not in done.stderr, done
+    assert words or not done.stderr

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import left_alive
 
 LEARN = ("learn", "unstack", "--max-complexity", "3", "--out", "bundle", "--quiet")
 BENCH = ("bench", "unstack", "--modes", "unguided", "--sizes", "2", "--seeds", "2", "--out", "table", "--quiet")
@@ -47,23 +48,7 @@ class Place:
         time.sleep(seconds)
         process.kill()
         process.communicate(timeout=60)
-        deadline = time.monotonic() + 10
-        while (left := _alive(process.pid)) and time.monotonic() < deadline:
-            time.sleep(0.02)
-        assert left == []
-
-
-def _alive(session: int) -> list[str]:
-    """What the living processes of a session run."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            state, _, _, its_session = (path / "stat").read_text().rsplit(")", 1)[1].split()[:4]
-            if int(its_session) == session and state != "Z":
-                found.append((path / "cmdline").read_text().replace("\0", " "))
-        except OSError:
-            continue
-    return found
+        assert left_alive(process.pid) == []
 
 
 def learned(folder: Path) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any
 
-#: Words with a meaning in PDDL, and what no entity may therefore be called.
-RESERVED = frozenset({"object", "number", "and", "or", "not", "imply", "exists", "forall", "when", "either", "define"})
+#: Words with a meaning in PDDL that no predicate and no entity may be called; there may be a predicate `object`.
+KEYWORDS = frozenset({"and", "or", "not", "imply", "exists", "forall", "when", "either", "define"})
+RESERVED = KEYWORDS | {"object", "number"}
 
 
 class Names:
@@ -30,6 +31,11 @@ class Names:
             self._equal[value] = name
         except TypeError:
             self._identical[id(value)] = (value, name)
+
+
+def may_be_predicate(text: str) -> bool:
+    """Whether something can be the name of a predicate, unlike variables, numbers and the words of PDDL."""
+    return re.match(r"[^\W\d]", text) is not None and text.lower() not in KEYWORDS
 
 
 def readable(value: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
@@ -19,7 +19,7 @@ from gentamp_lp.streams.language import (
     from_test,
     one_by_one,
 )
-from gentamp_lp.streams.naming import RESERVED, Names, readable
+from gentamp_lp.streams.naming import RESERVED, Names, may_be_predicate, readable
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sexpr import read_groups
@@ -56,8 +56,8 @@ def build(problem: PDDLProblem) -> Problem:
     init, files = list(problem.init), _files(problem.stream_pddl)
     domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(files))
     domain = declare_undeclared(domain, files, init, problem.goal)
-    streams = _streams(files, domain)
-    generators = _generators(problem.stream_map, streams)
+    streams, places = _streams(files, domain)
+    generators = _generators(problem.stream_map, streams, places)
     values: dict[str, Any] = {}
     base = FactBase(domain, streams, generators, values, names=Names())
     translator = Translator(domain, base)
@@ -87,17 +87,22 @@ def _files(stream_pddl: str | Sequence[str] | None) -> list[StreamFile]:
     return [(read_groups(text, path), path) for text, path in zip(texts, paths, strict=True)]
 
 
-def _streams(files: Iterable[StreamFile], domain: Domain) -> tuple[Stream, ...]:
+def _streams(files: Iterable[StreamFile], domain: Domain) -> tuple[tuple[Stream, ...], dict[str, str]]:
+    """The streams of all files, and the file of each. Rules have no names of their own: they are numbered."""
     streams: dict[str, Stream] = {}
+    places: dict[str, str] = {}
     for groups, path in files:
         for stream in declared_streams(groups, domain, path):
-            if stream.name in streams:
-                raise InputError(Diagnostic(f"stream `{stream.name}` is declared twice", path, stream.line))
-            streams[stream.name] = stream
-    return mark_recursive(streams.values())
+            name = f"rule-{len(streams) + 1}" if stream.kind == "rule" else stream.name
+            if name in streams:
+                raise InputError(Diagnostic(f"stream `{name}` is declared twice", path, stream.line))
+            streams[name], places[name] = replace(stream, name=name), path
+    return mark_recursive(streams.values()), places
 
 
-def _generators(stream_map: Mapping[str, Any] | str, streams: Iterable[Stream]) -> dict[str, Generator]:
+def _generators(
+    stream_map: Mapping[str, Any] | str, streams: Iterable[Stream], places: Mapping[str, str]
+) -> dict[str, Generator]:
     if isinstance(stream_map, str):
         if stream_map not in (DEBUG, SHARED_DEBUG):
             raise InputError(f"`stream_map` is {stream_map!r}, neither a mapping nor 'debug'")
@@ -111,7 +116,7 @@ def _generators(stream_map: Mapping[str, Any] | str, streams: Iterable[Stream]) 
             raise InputError(
                 Diagnostic(
                     f"{stream.kind} `{stream.name}` has no Python function",
-                    "stream.pddl",
+                    places[stream.name],
                     stream.line,
                     hint=f"add '{stream.name}' to `stream_map`",
                 )
@@ -180,6 +185,8 @@ class Translator:
                 self._value(fact)
                 continue
             if head not in self.domain.predicates:
+                if not may_be_predicate(head):
+                    raise InputError(f"the initial fact {fact!r} begins with no name of a predicate")
                 known = [predicate.spelling for predicate in self.domain.predicates.values()]
                 suspect("predicate", fact[0], known, "nothing reads it")
                 continue

@@ -13,6 +13,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.streams.naming import may_be_predicate
 from gentamp_lp.streams.pddl import Domain, Predicate
 from gentamp_lp.streams.sexpr import Group, Symbol
 
@@ -45,7 +46,7 @@ def declare_undeclared(domain: Domain, files: Iterable[StreamFile], init: Iterab
     found: dict[str, _Uses] = {}
     for groups, path in files:
         for key, head, arity in _atoms(groups):
-            if head.name not in domain.predicates and head.name not in ("not", "or", "="):
+            if head.name not in domain.predicates and may_be_predicate(head.name):
                 predicate = Predicate(head.name, head.spelling, arity)
                 uses = found.setdefault(
                     head.name, _Uses(predicate, path, head.line, head.name in given, head.name in asked)

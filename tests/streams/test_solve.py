@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import threading
 import warnings
 
@@ -513,13 +514,33 @@ def test_what_nothing_reads_is_warned_of() -> None:
         ({"stream_pddl": "(define (stream s)\n (:stream t :inputs (?c - city) :certified (Visited ?c)))"},
          ":2: .*change"),
         ({"stream_pddl": "(define (stream s) (:stream t :inputs (?c - city ?d - city) :certified (Road ?c ?d)))"},
-         "no Python function"),
+         "stream.pddl:1: .*no Python function"),
+        ({"init": [("?x", 1)]}, "begins with no name of a predicate"),
         ({"stream_map": "bebug"}, "bebug"),
     ],
 )  # fmt: skip
 def test_mistakes_are_located(change: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
         solve(travel(("At", OSLO))._replace(**change))
+
+
+@pytest.mark.parametrize("name", ["?c", "define", ":domain", "17"])
+def test_what_cannot_be_a_predicate_is_refused_without_a_warning(name: str) -> None:
+    text = f"(define (stream s)\n (:stream t :inputs (?c - city) :certified ({name} ?c)))"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=f":2: error: unknown predicate `{re.escape(name)}`"):
+            solve(travel(("At", OSLO))._replace(stream_pddl=text))
+
+
+def test_several_stream_files() -> None:
+    """Each has rules of its own, and mistakes name the file."""
+    rule = "(define (stream r) (:rule :inputs (?c - city) :domain (Road ?c ?c) :certified (Loop ?c)))"
+    back = "(define (stream r)\n (:rule :inputs (?c - city) :domain (Loop ?c) :certified (Road ?c home)))"
+    test = "(define (stream s)\n (:stream free :inputs (?c - city) :domain (Loop ?c) :certified (Road ?c ?c)))"
+    assert solve(travel(("At", OSLO))._replace(stream_pddl=[rule, back])).plan
+    with pytest.raises(InputError, match=r"^stream.pddl\[2\]:2: error: stream `free` has no Python function"):
+        solve(travel(("At", OSLO))._replace(stream_pddl=[rule, back, test]))
 
 
 def test_unknown_arguments_and_algorithms() -> None:
