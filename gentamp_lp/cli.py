@@ -26,7 +26,7 @@ app = typer.Typer(
     help="Learn a policy for a robot task from a few small problems, then plan any size with it.\n\n"
     "Start with `gentamp-lp learn unstack`, then `gentamp-lp solve unstack --size 16`.\n\n"
     "Exit codes: 0 done; 1 a true negative answer (no policy, no plan, plan invalid); 2 bad input; "
-    "3 a limit was reached; 130 interrupted.",
+    "3 a limit was reached; 130 interrupted; 141 nobody reads the output.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
