@@ -350,7 +350,7 @@ def test_bad_grammars_are_refused_with_their_line(tmp_path: Path, text: str, lin
 
 
 def test_missing_grammar_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="file not found"):
+    with pytest.raises(InputError, match="no such file"):
         check_grammars([tmp_path / "none.lp"])
 
 

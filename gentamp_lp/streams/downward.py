@@ -53,7 +53,7 @@ SEARCHES = (
     "lazy_greedy([goalcount()])",
 )
 _SHARES = (0.5, 0.7, 1.0)
-_FIRST = 10.0  # seconds that each of several searches gets at most before any gets its share
+_FIRST = (0.5, 2.0, 8.0)  # seconds that each of several searches gets at most, in rounds, before any gets its share
 COST_SCALE = 1000  # Fast Downward counts costs in whole numbers
 #: The planner names of PDDLStream. `lmcut` cannot handle derived predicates, so hmax takes its place.
 PLANNERS = {
@@ -172,7 +172,7 @@ def _search(
     """Try each search with its share of the time; True when one has written a plan, False when there is none."""
     deadline = time.monotonic() + seconds
     shares = tuple(zip(searches, _SHARES[-len(searches) :], strict=True))
-    turns = [(*turn, most) for most in ((_FIRST, math.inf) if len(searches) > 1 else (math.inf,)) for turn in shares]
+    turns = [(*turn, most) for most in (*(_FIRST if len(searches) > 1 else ()), math.inf) for turn in shares]
     given_up: set[str] = set()
     for string, share, most in turns:
         left = min(most, share * (deadline - time.monotonic()))
