@@ -296,7 +296,7 @@ def _change(feature: Feature, effect: str | None) -> Formula:
 
 def _sort_axioms(axioms: tuple[Axiom, ...], domain: Domain, sorts: Mapping[str, tuple[str, ...]]) -> Iterator[Axiom]:
     """Definitions of the sort predicates that features use: in a position of that sort of an unchanging predicate."""
-    used = {a.predicate for axiom in axioms for a in atoms(axiom.body)}
+    used = frozenset().union(*(axiom.body.predicates for axiom in axioms))
     for sort in sorted({s for row in sorts.values() for s in row if sort_predicate(s) in used}):
         cases = []
         for predicate, row in sorts.items():

@@ -31,7 +31,6 @@ from gentamp_lp.streams.formula import (
     Or,
     atoms,
     conjuncts,
-    free_variables,
     normalize,
     substitute,
 )
@@ -61,13 +60,11 @@ class _Phases:
         postponed = _made(precondition, base) - _decisive(schema)
         parts = conjuncts(precondition)
         late = tuple(
-            part
-            for part in parts
-            if free_variables(part) & postponed or (tests_late and reads(part, program) & base.tests.keys())
+            part for part in parts if part.free & postponed or (tests_late and reads(part, program) & base.tests.keys())
         )
         early = And((*needed, *(part for part in parts if part not in late)))
         self.schema = schema
-        self.known = tuple(p for p in schema.parameters if p in free_variables(early))
+        self.known = tuple(p for p in schema.parameters if p in early.free)
         self.early: Query = situation.query(early, (), self.known, lazy=True)
         self.allows: Query = situation.query(early, self.known)
         self._wishes = partial(Wishes, schema.name, early.parts, late, self.known, schema.parameters, situation)
@@ -83,7 +80,7 @@ class _Phases:
 def _decisive(schema: ActionSchema) -> set[str]:
     """Parameters that the effects depend on."""
     named = {a for e in schema.effects for a in e.atom.args}
-    return named | {v for e in schema.effects for v in free_variables(e.condition)}
+    return named | {v for e in schema.effects for v in e.condition.free}
 
 
 def _made(formula: Formula, base: FactBase) -> set[str]:

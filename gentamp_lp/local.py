@@ -21,7 +21,6 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     conjuncts,
-    free_variables,
     rebuilt,
     restricts,
     substitute,
@@ -103,7 +102,7 @@ class Conditions:
             return formula
         if isinstance(formula, Not):
             return Not(self._named(formula.body, regression, beside))
-        variables = tuple(sorted(free_variables(formula)))
+        variables = tuple(sorted(formula.free))
         parts = [*_about(beside, variables), *conjuncts(self._inside(formula, regression))]
         required = conjuncts(self._program.preconditions[regression.schema.name])
         static = [part for part in required if isinstance(part, Atom) and regression.static(part)]
@@ -137,7 +136,7 @@ def _restricts(formula: Formula, variable: str) -> bool:
 def _about(formulas: Iterable[Formula], variables: Sequence[str]) -> Iterator[Formula]:
     """What formulas say of the variables; others are quantified."""
     for formula in formulas:
-        free = free_variables(formula)
+        free = formula.free
         if not free.isdisjoint(variables):
             others = tuple(sorted(free.difference(variables)))
             yield Exists(others, formula) if others else formula

@@ -23,7 +23,6 @@ from gentamp_lp.streams.formula import (
     Or,
     atoms,
     conjuncts,
-    free_variables,
     normalize,
     rebuilt,
     substitute,
@@ -203,7 +202,7 @@ class Regression:
     def static(self, formula: Formula) -> bool:
         """Whether no action changes the formula's truth."""
         fluents, basis = self.program.domain.fluents, self.program.basis
-        return all(fluents.isdisjoint(basis.get(atom.predicate, {atom.predicate})) for atom in atoms(formula))
+        return all(fluents.isdisjoint(basis.get(name, {name})) for name in formula.predicates)
 
     def _simple_and(self, parts: list[Formula], known: Facts) -> Formula:
         """Each part is simplified where the literals among the others hold."""
@@ -231,10 +230,10 @@ class Regression:
                 case Or(options) if part is body or any(_equates(option, variables) for option in options):
                     rest_ = [other for other in parts if other is not part]
                     return _or(self._simple(Exists(variables, And((o, *rest_))), known) for o in options)
-        inside = [part for part in parts if not free_variables(part).isdisjoint(variables)]
+        inside = [part for part in parts if not part.free.isdisjoint(variables)]
         outside = [part for part in parts if part not in inside]
         if inside:
-            used = tuple(v for v in variables if any(v in free_variables(part) for part in inside))
+            used = tuple(v for v in variables if any(v in part.free for part in inside))
             outside.append(Exists(used, inside[0] if len(inside) == 1 else And(tuple(inside))))
         return outside[0] if len(outside) == 1 else And(tuple(outside))
 

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms
+from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import Program
 
@@ -100,7 +100,7 @@ def _sides(conditions: Iterable[Formula], program: Program) -> tuple[tuple[Formu
     stay, against = [], []
     for condition in conditions:
         unfolded = unfold(condition, program)
-        if isinstance(unfolded, Not) and any(a.predicate in program.domain.fluents for a in atoms(unfolded)):
+        if isinstance(unfolded, Not) and not unfolded.predicates.isdisjoint(program.domain.fluents):
             against.append(unfolded.body)
         else:
             stay.append(condition)

@@ -18,7 +18,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, free_variables
+from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts
 from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import reads
@@ -112,7 +112,7 @@ class Watches:
                 watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
             if atom.predicate in self._base.makers and not tested:
                 always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
-                own = tuple(part for part in always if free_variables(part) <= set(names))
+                own = tuple(part for part in always if part.free <= set(names))
                 self._samplers.append(situation.query(And((*own, atom)), (), names, lazy=True))
         return watch
 
@@ -296,7 +296,7 @@ class Watches:
         return predicate in self._base.makers or predicate.startswith(sort_predicate(""))
 
     def _tests(self, formula: Formula) -> bool:
-        return any(atom.predicate in self._base.tests for atom in atoms(formula))
+        return not self._base.tests.keys().isdisjoint(formula.predicates)
 
     def _lasts(self, formula: Formula, in_state: bool) -> bool:
         """Whether a formula, once true, stays true whatever streams find and, with `in_state`, whatever actions do."""

@@ -35,7 +35,6 @@ from gentamp_lp.streams.formula import (
     Or,
     atoms,
     conjuncts,
-    free_variables,
     normalize,
     rebuilt,
     substitute,
@@ -343,7 +342,7 @@ def _charge(schema: ActionSchema) -> float | Atom:
         return schema.cost
     if len(schema.cost_terms) == 1 and not schema.cost:
         return schema.cost_terms[0]
-    return Atom(f"cost-of-{schema.name}", tuple(sorted(set().union(*map(free_variables, schema.cost_terms)))))
+    return Atom(f"cost-of-{schema.name}", tuple(sorted(set().union(*(term.free for term in schema.cost_terms)))))
 
 
 def _charges(schema: ActionSchema, base: FactBase) -> Iterator[tuple[Fact, float]]:
@@ -383,7 +382,7 @@ def split_goal(program: Program, base: FactBase, goal: Formula) -> list[Formula]
     for part in conjuncts(normalize(goal)):
         match part:
             case Not(Exists(variables, body)):
-                fixed = [c for c in conjuncts(body) if not any(a.predicate in changing for a in atoms(c))]
+                fixed = [c for c in conjuncts(body) if c.predicates.isdisjoint(changing)]
                 bound = {arg for c in fixed if isinstance(c, Atom) and c.predicate != "=" for arg in c.args}
                 if not bound.issuperset(variables):
                     parts.append(part)

@@ -214,7 +214,7 @@ class FactBase:
 
     def add(self, fact: Fact) -> bool:
         """Record a static or certified fact (and the sorts of its entities); False when it was known."""
-        if not self._growing(fact[0]).add(fact[1:]):
+        if not self.growing(fact[0]).add(fact[1:]):
             return False
         self.revision += 1
         self.add_sorts(fact)
@@ -225,9 +225,10 @@ class FactBase:
     def add_sorts(self, fact: Fact) -> None:
         """Record the sorts of a fact's entities."""
         for sort, name in zip(self.sorts.get(fact[0], ()), fact[1:], strict=False):
-            self._growing(sort_predicate(sort)).add((name,))
+            self.growing(sort_predicate(sort)).add((name,))
 
-    def _growing(self, predicate: str) -> Relation:
+    def growing(self, predicate: str) -> Relation:
+        """The known tuples of a predicate, to which others will be added."""
         if predicate not in self.static:
             self.static[predicate] = Relation()
         return self.static[predicate]
@@ -313,7 +314,7 @@ class FactBase:
             self._add_wild(row)
         for name, take in test.certified:
             if name in self._sorted:
-                self._growing(name).add(take(args))
+                self.growing(name).add(take(args))
             else:
                 self.add((name, *take(args)))
         return True

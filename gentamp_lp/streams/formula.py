@@ -5,50 +5,81 @@ Variables are strings that begin with `?`; every other argument is the name of a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 
 
-@dataclass(frozen=True, slots=True)
-class Atom:
+class _Formula:
+    """What is found out about a formula once, when it is first asked for."""
+
+    @cached_property
+    def free(self) -> frozenset[str]:
+        """Variables not bound by a quantifier."""
+        match self:
+            case Atom(_, args):
+                return frozenset([a for a in args if a.startswith("?")])
+            case Not(body):
+                return body.free
+            case And(parts) | Or(parts):
+                return frozenset().union(*[part.free for part in parts])
+            case Exists(variables, body) | Forall(variables, body):
+                return body.free.difference(variables)
+        raise AssertionError(self)
+
+    @cached_property
+    def predicates(self) -> frozenset[str]:
+        """The predicates of its atoms."""
+        match self:
+            case Atom(predicate):
+                return frozenset((predicate,))
+            case Not(body) | Exists(_, body) | Forall(_, body):
+                return body.predicates
+            case And(parts) | Or(parts):
+                return frozenset().union(*[part.predicates for part in parts])
+        raise AssertionError(self)
+
+
+@dataclass(frozen=True)
+class Atom(_Formula):
     """`predicate(args)`; the predicate `=` is equality."""
 
     predicate: str
     args: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Not:
+@dataclass(frozen=True)
+class Not(_Formula):
     """Negation."""
 
     body: Formula
 
 
-@dataclass(frozen=True, slots=True)
-class And:
+@dataclass(frozen=True)
+class And(_Formula):
     """Conjunction; the empty one is true."""
 
     parts: tuple[Formula, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Or:
+@dataclass(frozen=True)
+class Or(_Formula):
     """Disjunction; the empty one is false."""
 
     parts: tuple[Formula, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Exists:
+@dataclass(frozen=True)
+class Exists(_Formula):
     """Existential quantification over all entities."""
 
     variables: tuple[str, ...]
     body: Formula
 
 
-@dataclass(frozen=True, slots=True)
-class Forall:
+@dataclass(frozen=True)
+class Forall(_Formula):
     """Universal quantification over all entities."""
 
     variables: tuple[str, ...]
@@ -85,19 +116,6 @@ def atoms(formula: Formula) -> Iterator[Atom]:
                 yield from atoms(part)
 
 
-def free_variables(formula: Formula) -> frozenset[str]:
-    """Variables not bound by a quantifier."""
-    match formula:
-        case Atom(_, args):
-            return frozenset(a for a in args if a.startswith("?"))
-        case Not(body):
-            return free_variables(body)
-        case And(parts) | Or(parts):
-            return frozenset().union(*(free_variables(part) for part in parts))
-        case Exists(variables, body) | Forall(variables, body):
-            return free_variables(body) - set(variables)
-
-
 def rebuilt(formula: Formula, change: Callable[[Formula], Formula]) -> Formula:
     """The formula with `change` applied to its direct parts; an atom as it is."""
     match formula:
@@ -128,28 +146,38 @@ def _without(binding: Mapping[str, str], variables: tuple[str, ...]) -> dict[str
     return {k: v for k, v in binding.items() if k not in variables}
 
 
-def normalize(formula: Formula) -> Formula:
-    """Equivalent formula where Not stands only before atoms and Exists, Forall is gone, and every quantifier
-    binds variables of its own.
+#: For an atom that is defined, the bodies that define it, each with what stands for its free variables.
+Definitions = Callable[[Atom], Sequence[tuple["Formula", Mapping[str, str]]]]
+
+
+def normalize(formula: Formula, definitions: Definitions = lambda _: ()) -> Formula:
+    """Equivalent formula where Not stands only before atoms and Exists, Forall is gone, every quantifier binds
+    variables of its own, and atoms with `definitions` are replaced by them.
     """
-    return _normalize(formula, False, {}, count())
+    return _normalize(formula, False, {}, count(), definitions)
 
 
-def _normalize(formula: Formula, negated: bool, names: Mapping[str, str], fresh: Iterator[int]) -> Formula:
+def _normalize(
+    formula: Formula, negated: bool, names: Mapping[str, str], fresh: Iterator[int], definitions: Definitions
+) -> Formula:
     match formula:
-        case Atom():
-            atom = substitute(formula, names)
+        case Atom(predicate, args):
+            atom = Atom(predicate, tuple([names.get(arg, arg) for arg in args])) if names else formula
+            cases = [_normalize(body, negated, own, fresh, definitions) for body, own in definitions(atom)]
+            if cases:
+                return cases[0] if len(cases) == 1 else And(tuple(cases)) if negated else Or(tuple(cases))
             return Not(atom) if negated else atom
         case Not(body):
-            return _normalize(body, not negated, names, fresh)
+            return _normalize(body, not negated, names, fresh, definitions)
         case And(parts) | Or(parts):
-            flipped = tuple(_normalize(part, negated, names, fresh) for part in parts)
+            flipped = tuple([_normalize(part, negated, names, fresh, definitions) for part in parts])
             return And(flipped) if isinstance(formula, And) != negated else Or(flipped)
         case Exists(variables, body) | Forall(variables, body):
             existential = isinstance(formula, Exists)
-            renamed = {v: f"{v}#{next(fresh)}" for v in variables}
-            inner = Exists(tuple(renamed.values()), _normalize(body, not existential, {**names, **renamed}, fresh))
-            return inner if existential != negated else Not(inner)
+            own = {v: f"{v}#{next(fresh)}" for v in variables}
+            inner = _normalize(body, not existential, {**names, **own}, fresh, definitions)
+            found = Exists(tuple(own.values()), inner)
+            return found if existential != negated else Not(found)
 
 
 def restricts(formula: Formula, variable: str, fills: Callable[[Atom, str], bool]) -> bool:

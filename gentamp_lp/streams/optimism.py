@@ -26,9 +26,7 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     Or,
-    atoms,
     conjuncts,
-    free_variables,
     normalize,
     rebuilt,
 )
@@ -386,13 +384,13 @@ def _name_denials(precondition: Formula, schema: ActionSchema, program: Program)
     found: list[Formula] = []
     axioms: list[Axiom] = []
     for part in parts:
-        free = tuple(sorted(free_variables(part)))
+        free = tuple(sorted(part.free))
         if not isinstance(part, Not) or not isinstance(part.body, Exists) or not free:
             found.append(part)
             continue
         head = Atom(f"denied-{schema.name}-{len(axioms)}", free)
         about = [a for a in static if set(a.args) & set(free)]
-        others = tuple(sorted({v for a in about for v in free_variables(a)} - set(free)))
+        others = tuple(sorted({v for a in about for v in a.free} - set(free)))
         guard = Exists(others, And(tuple(about))) if others else And(tuple(about))
         axioms.append(Axiom(head, And((guard, part.body)), schema.line))
         found.append(Not(head))
@@ -507,7 +505,7 @@ def relevant_streams(program: Program, goal: Formula, base: FactBase) -> set[str
     """Streams whose facts some condition reads, directly or as inputs of others."""
     formulas = [goal, *program.preconditions.values(), *(a.body for rows in program.axioms.values() for a in rows)]
     formulas += [e.condition for a in program.domain.actions for e in a.effects]
-    waiting = {a.predicate for f in formulas for a in atoms(f)}
+    waiting = set().union(*(f.predicates for f in formulas))
     waiting |= {a.predicate for f in base.functions.values() for a in f.domain}
     found: set[str] = set()
     seen: set[str] = set()

@@ -21,9 +21,7 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     Or,
-    atoms,
     conjuncts,
-    free_variables,
     normalize,
     rebuilt,
 )
@@ -41,15 +39,14 @@ _BRANCH, _GENERATE, _TEST_JOIN, _LAST, _NEVER = 1e4, 1e6, 1e7, 1e8, 1e9  # how l
 
 def unfold(formula: Formula, program: Program) -> Formula:
     """The formula without derived predicates, save recursive ones; normalized."""
-    return normalize(_unfold(normalize(formula), program, count()))
 
+    def definitions(atom: Atom) -> list[tuple[Formula, dict[str, str]]]:
+        if atom.predicate in program.recursive:
+            return []
+        found = program.axioms.get(atom.predicate, ())
+        return [(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True))) for axiom in found]
 
-def _unfold(formula: Formula, program: Program, fresh: Iterator[int]) -> Formula:
-    match formula:
-        case Atom(predicate) if predicate in program.axioms and predicate not in program.recursive:
-            bodies = [_unfold(body, program, fresh) for body in definitions(formula, program, next(fresh))]
-            return Or(tuple(bodies)) if len(bodies) > 1 else bodies[0]
-    return rebuilt(formula, lambda part: _unfold(part, program, fresh))
+    return normalize(formula, definitions)
 
 
 def definitions(atom: Atom, program: Program, number: int) -> list[Formula]:
@@ -131,7 +128,7 @@ class Query:
     def _compile(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> tuple[Test, Loop | None]:
         """A test of all that is decided, and a loop over the rest (None when nothing is left)."""
         goals = [part for goal in goals for part in self._flat(goal, bound)]
-        decided = [goal for goal in goals if free_variables(goal) <= bound]
+        decided = [goal for goal in goals if goal.free <= bound]
         rest = [goal for goal in goals if goal not in decided]
         decided.sort(key=self._price)
         tests = [self._remembering(goal, bound) for goal in decided]
@@ -150,19 +147,19 @@ class Query:
         if isinstance(goal, And):
             for part in goal.parts:
                 yield from self._flat(part, bound)
-        elif isinstance(goal, Exists) and not free_variables(goal) <= bound:
+        elif isinstance(goal, Exists) and not goal.free <= bound:
             yield from self._flat(goal.body, bound)
         else:
             yield goal
 
     def _price(self, goal: Formula) -> int:
         """Of decided conjuncts, what is looked up comes before what is computed, and that before tests."""
-        named = {atom.predicate for atom in atoms(goal)}
-        return 2 if named & self._situation.base.tests.keys() else int(not isinstance(goal, Atom))
+        tested = not self._situation.base.tests.keys().isdisjoint(goal.predicates)
+        return 2 if tested else int(not isinstance(goal, Atom))
 
     def _remembering(self, goal: Formula, bound: frozenset[str]) -> Test:
         """The test of a conjunct; asked again and again with the same values, it looks once while nothing changes."""
-        test, free = self._test(goal, bound), free_variables(goal)
+        test, free = self._test(goal, bound), goal.free
         if isinstance(goal, Atom) or (isinstance(goal, Not) and isinstance(goal.body, Atom)) or not free < bound:
             return test
         situation, key = self._situation, self._key(tuple(sorted(free)))
@@ -184,7 +181,7 @@ class Query:
 
     def _makes(self, goal: Formula) -> bool:
         """Whether to look for a conjunct's solutions may call streams."""
-        return self._lazy and any(atom.predicate in self._situation.base.makers for atom in atoms(goal))
+        return self._lazy and not self._situation.base.makers.keys().isdisjoint(goal.predicates)
 
     def _test(self, goal: Formula, bound: frozenset[str]) -> Test:
         match goal:
@@ -215,7 +212,7 @@ class Query:
         chosen = min(range(len(goals)), key=ranks.__getitem__)
         goal, others = goals[chosen], goals[:chosen] + goals[chosen + 1 :]
         if ranks[chosen] >= _NEVER:
-            return self._everything(min(free_variables(goal) - bound), goals, bound, wanted)
+            return self._everything(min(goal.free - bound), goals, bound, wanted)
         match goal:
             case Atom("=", (left, right)):
                 known, new = (left, right) if left in bound or not left.startswith("?") else (right, left)
@@ -456,7 +453,7 @@ class Situation:
                 self._recursive = (self.stamp(), View(self.program, self.base, self.state()))
             return Relation(self._recursive[1].extension(predicate))
         found = self._fluents.get(predicate)
-        return self.base.static.setdefault(predicate, Relation()) if found is None else found
+        return self.base.growing(predicate) if found is None else found
 
     def contains(self, predicate: str) -> Callable[[Args], bool]:
         """A test whether a tuple is in a relation."""
@@ -496,7 +493,7 @@ class Situation:
 
     def _possible(self, stream: Stream, given: Sequence[str]) -> Query:
         """Of a stream's conditions, those on inputs that are given."""
-        return self.query(And(tuple(atom for atom in stream.domain if free_variables(atom) <= set(given))), given)
+        return self.query(And(tuple(atom for atom in stream.domain if atom.free <= set(given))), given)
 
     def _makers(self, predicate: str) -> Iterator[tuple[Stream, Atom]]:
         for stream in self.base.makers.get(predicate, ()):

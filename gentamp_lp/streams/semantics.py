@@ -23,9 +23,7 @@ from gentamp_lp.streams.formula import (
     Formula,
     Not,
     Or,
-    atoms,
     conjuncts,
-    free_variables,
     normalize,
 )
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
@@ -101,11 +99,6 @@ def _polarity(formula: Formula, negative: bool = False) -> Iterator[tuple[str, b
                 yield from _polarity(part, negative)
 
 
-@lru_cache(maxsize=100_000)
-def _free(formula: Formula) -> frozenset[str]:
-    return free_variables(formula)
-
-
 @lru_cache(maxsize=10_000)
 def _normal(formula: Formula) -> Formula:
     return normalize(formula)
@@ -151,7 +144,7 @@ class View:
         chosen = min(range(len(goals)), key=ranks.__getitem__)
         goal, rest = goals[chosen], goals[:chosen] + goals[chosen + 1 :]
         if ranks[chosen] >= _NEVER:  # only negations with unbound variables are left: range over everything
-            variable = min(_free(goal) - binding.keys())
+            variable = min(goal.free - binding.keys())
             for name in self.base.values:
                 yield from self._solve(goals, {**binding, variable: name})
             return
@@ -180,13 +173,13 @@ class View:
                 if next(self._solve(list(conjuncts(body)), dict(binding)), None) is None:
                     yield from self._solve(rest, binding)
             case Exists(_, body):
-                if _free(goal) <= binding.keys():
+                if goal.free <= binding.keys():
                     if next(self._solve(list(conjuncts(body)), dict(binding)), None) is not None:
                         yield from self._solve(rest, binding)
                 else:
                     yield from self._solve([*conjuncts(body), *rest], binding)
             case Or(parts):
-                if _free(goal) <= binding.keys():
+                if goal.free <= binding.keys():
                     if any(next(self._solve(list(conjuncts(p)), dict(binding)), None) is not None for p in parts):
                         yield from self._solve(rest, binding)
                 else:
@@ -206,7 +199,7 @@ class View:
 
     def _rank(self, goal: Formula, binding: Binding) -> int:
         """How dear it is to look at this conjunct next (cheapest first)."""
-        unbound = _free(goal) - binding.keys()
+        unbound = goal.free - binding.keys()
         match goal:
             case Atom("=", args):
                 return _NEVER if unbound.issuperset(args) else 0
@@ -350,6 +343,6 @@ def polarities(program: Program, formula: Formula) -> Iterator[tuple[str, bool]]
 
 def reads(formula: Formula, program: Program) -> frozenset[str]:
     """Basic predicates (fluent, static, certified) that the truth of a formula depends on."""
-    named = {a.predicate for a in atoms(formula)}
+    named = formula.predicates
     derived = named & program.axioms.keys()
     return frozenset((named - derived).union(*(program.basis[p] for p in derived)))

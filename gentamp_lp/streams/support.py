@@ -15,7 +15,6 @@ from gentamp_lp.streams.formula import (
     Not,
     Or,
     conjuncts,
-    free_variables,
     normalize,
     substitute,
 )
@@ -157,14 +156,14 @@ class Support:
                     for last, more in self.ways(rest, found):
                         yield last, items + more
             case Not(body):
-                free = sorted(free_variables(body) - binding.keys())
+                free = sorted(body.free - binding.keys())
                 if free:
                     for name in self.world.values:
                         yield from self.ways(goals, {**binding, free[0]: name})
                     return
                 if self.denial(body, binding) is None:
                     return
-                relevant = free_variables(body)
+                relevant = body.free
                 item = _Denied(body, tuple((v, n) for v, n in binding.items() if v in relevant))
                 for last, more in self.ways(rest, binding):
                     yield last, (item, *more)
@@ -187,9 +186,9 @@ class Support:
                 size = len(self.fluents.get(predicate) or self.world.relation(predicate))
                 return 1 + unbound * (1 + dear + size)
             case Not(body):
-                return 10**8 if free_variables(body) - binding.keys() else 2
+                return 10**8 if body.free - binding.keys() else 2
             case _:
-                return 10**4 if free_variables(goal) - binding.keys() else 3
+                return 10**4 if goal.free - binding.keys() else 3
 
     def denial(self, formula: Formula, binding: Binding) -> set[Literal] | None:
         """Test outcomes that make a formula false; None when none do."""

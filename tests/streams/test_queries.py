@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gentamp_lp.streams.facts import FactBase
-from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or, free_variables
+from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or
 from gentamp_lp.streams.language import from_gen_fn, from_test
 from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.queries import Situation, unfold
@@ -95,7 +95,7 @@ def extension(structure, formula, variables, state):
 @settings(max_examples=150, deadline=None)
 @given(formulas(), structures(), st.integers(0, 3))
 def test_queries_find_what_views_find(formula, structure, bound):
-    variables = tuple(sorted(free_variables(formula)))
+    variables = tuple(sorted(formula.free))
     given_, wanted = variables[:bound], variables
     query = Situation(PROGRAM, structure.base, structure.state).query(formula, given_, wanted)
     expected = extension(structure, formula, variables, structure.state)
@@ -109,7 +109,7 @@ def test_queries_find_what_views_find(formula, structure, bound):
 @given(st.lists(formulas(), min_size=1, max_size=3), structures(), st.lists(st.integers(0, 99), max_size=12))
 def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
     """Actions, samples and steps back in any order; peeking foretells, and changes nothing."""
-    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(free_variables(body)))), body) for i, body in enumerate(bodies)]
+    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(body.free))), body) for i, body in enumerate(bodies)]
     situation = Situation(PROGRAM, structure.base, structure.state)
     watches = Watches(situation, axioms)
 
@@ -229,7 +229,7 @@ def test_effects_are_those_of_the_semantics(step):
 @given(st.lists(formulas(), min_size=1, max_size=3), structures())
 def test_what_moves_by_an_action_is_told_from_its_parameters(bodies, structure):
     """Every tuple that a step lets into an extension, or puts out, is one that its arguments name."""
-    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(free_variables(body)))), body) for i, body in enumerate(bodies)]
+    axioms = [Axiom(Atom(f"w{i}", tuple(sorted(body.free))), body) for i, body in enumerate(bodies)]
     watches = Watches(Situation(PROGRAM, structure.base, structure.state), axioms)
     view = View(PROGRAM, structure.base, structure.state)
     for axiom, body in zip(axioms, bodies, strict=True):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.streams.facts import FactBase
-from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or, free_variables
+from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or
 from gentamp_lp.streams.language import from_gen_fn, from_test
 from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.semantics import Program, Step, View, applicable, apply
@@ -105,7 +105,7 @@ def brute(formula, structure, binding):
 def test_solutions_are_exactly_the_satisfying_bindings(formula, structure):
     base, state = build(structure)
     view = View(PROGRAM, base, state)
-    free = sorted(free_variables(formula))
+    free = sorted(formula.free)
     expected = {
         values
         for values in product(NAMES, repeat=len(free))
