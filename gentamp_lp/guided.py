@@ -226,8 +226,9 @@ class GuidedPlanner:
 
     def _needed(self, schema: ActionSchema, action: AbstractAction) -> Iterator[Atom]:
         """What the effects of an abstract action ask of an action's parameters: that what they make leave a feature's
-        extension is in it, and what they make enter is not.
+        extension is in it, and that what they make enter is not, but fulfils what no action changes.
         """
+        changing = self.program.domain.fluents
         for axiom in self.features.axioms:
             effect = action.effects.get(axiom.head.predicate)
             if effect is None or reads(axiom.body, self.program) & self.base.tests.keys():
@@ -237,9 +238,12 @@ class GuidedPlanner:
             if not rows or not axiom.head.args:
                 continue
             body = normalize(axiom.body)
+            if enters:
+                lasting = (part for part in conjuncts(body) if reads(part, self.program).isdisjoint(changing))
+                body = And((*lasting, Not(body)))
             options = [substitute(body, dict(zip(axiom.head.args, row, strict=True))) for row in sorted(rows)]
             names = tuple(dict.fromkeys(name for row in sorted(rows) for name in row if name.startswith("?")))
-            yield self._situation.condition(Or(tuple(Not(o) if enters else o for o in options)), names)
+            yield self._situation.condition(Or(tuple(options)), names)
 
     def _settled_by(self, stream: Stream) -> set[str]:
         """Features that read nothing of a stream's outputs but what is certified with them."""

@@ -110,7 +110,7 @@ class Watches:
                     guards = (*guards, *rest)
                 query = situation.query(And(guards), names, variables)
                 watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
-            if atom.predicate in self._base.makers and not tested:
+            if not tested and self._samples(atom, beside):
                 always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
                 own = tuple(part for part in always if part.free <= set(names))
                 self._samplers.append(situation.query(And((*own, atom)), (), names, lazy=True))
@@ -290,6 +290,20 @@ class Watches:
                 for part in parts:
                     others = tuple(other for other in parts if other is not part)
                     yield from self._occurrences(part, positive, beside + others, tested)
+
+    def _samples(self, atom: Atom, beside: tuple[Formula, ...]) -> bool:
+        """Whether an atom that matters where `beside` holds speaks of what streams may still give.
+
+        What fluents say is said of entities that are known: so an output of a stream that stands in one is none to come.
+        """
+        changing = self.situation.program.domain.fluents
+        known = {v for part in beside if isinstance(part, Atom) and part.predicate in changing for v in part.args}
+        return any(
+            known.isdisjoint(arg for arg, name in zip(atom.args, made.args, strict=True) if name in stream.outputs)
+            for stream in self._base.makers.get(atom.predicate, ())
+            for made in stream.certified
+            if made.predicate == atom.predicate
+        )
 
     def _grows(self, predicate: str) -> bool:
         """Whether streams, new entities included, may add to a predicate."""
