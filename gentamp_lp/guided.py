@@ -176,6 +176,7 @@ class GuidedPlanner:
         self._round = 1  # multiple of the task's sampling limits
         self._here = _Expansion()  # that of the generator that runs at present
         self._deadline = 0.0
+        self._visited: set[State] = set()  # in this round
         self._moved: Counter[Fact] = Counter()  # how often facts, and what is given of them, were moved in this round
         self._wish: tuple[Wish, Wishes] | None = None  # what nothing may get in the way of before it is carried out
         self._hints: dict[int, tuple[str, Args]] = {}  # depth -> the step to try first there
@@ -262,7 +263,7 @@ class GuidedPlanner:
     ) -> tuple[tuple[list[Step], list[State], list[str]] | None, DeadEnd, int]:
         states = [self.instance.state]
         moves: list[_Move] = []
-        visited = {states[0]}
+        self._visited = {states[0]}
         failure = DeadEnd("no step was possible")
         deepest = -1
         choices: list[Iterator[_Move]] = []
@@ -275,9 +276,9 @@ class GuidedPlanner:
                 if not any(self._goal.positive().values()):
                     return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
                 choices.append(self._expand(states[-1], self._hints.pop(len(choices), ("", ()))))
-            following = next((move for move in choices[-1] if move.successor not in visited), None)
+            following = next(choices[-1], None)
             if following is not None:
-                visited.add(following.successor)
+                self._visited.add(following.successor)
                 moves.append(following)
                 if self._wish and self._wish[0][:2] == (following.step.schema, following.known):
                     self._wish = None
@@ -352,7 +353,7 @@ class GuidedPlanner:
         return reason
 
     def _expand(self, state: State, hint: tuple[str, Args]) -> Iterator[_Move]:
-        """Steps that carry out the policy's abstract action, lazily; more is sampled when there are no others.
+        """Steps to new states that carry out the policy's abstract action, lazily; more is sampled when there are none.
 
         The step that `hint` names is the first, if it is one of them.
         """
@@ -383,7 +384,7 @@ class GuidedPlanner:
             self._check_time()
             added, deleted = self._changes(phases, known)
             successor = (state - frozenset(deleted)) | frozenset(added)
-            if successor in here.tried:
+            if successor in here.tried or successor in self._visited:
                 continue
             accepted = self._accept(here, added, deleted, action, known)
             if accepted is None:
