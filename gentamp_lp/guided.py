@@ -232,9 +232,9 @@ class GuidedPlanner:
         changing = self.program.domain.fluents
         for axiom in self.features.axioms:
             effect = action.effects.get(axiom.head.predicate)
-            if effect is None or reads(axiom.body, self.program) & self.base.tests.keys():
-                continue
             enters = effect in ("increase", "true")
+            if effect is None or (enters and reads(axiom.body, self.program) & self.base.tests.keys()):
+                continue
             rows = self._values.moved_by(axiom.head.predicate, schema, enters)
             if not rows or not axiom.head.args:
                 continue

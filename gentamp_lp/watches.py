@@ -294,7 +294,7 @@ class Watches:
     def _samples(self, atom: Atom, beside: tuple[Formula, ...]) -> bool:
         """Whether an atom that matters where `beside` holds speaks of what streams may still give.
 
-        What fluents say is said of entities that are known: so an output of a stream that stands in one is none to come.
+        What fluents say is said of known entities: an output of a stream that stands in one is none that is to come.
         """
         changing = self.situation.program.domain.fluents
         known = {v for part in beside if isinstance(part, Atom) and part.predicate in changing for v in part.args}

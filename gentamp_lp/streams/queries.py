@@ -26,7 +26,7 @@ from gentamp_lp.streams.formula import (
     rebuilt,
 )
 from gentamp_lp.streams.pddl import ActionSchema
-from gentamp_lp.streams.semantics import Program, State, View
+from gentamp_lp.streams.semantics import Program, State, View, reads
 from gentamp_lp.streams.stream_file import Stream
 
 Env = list[str]  # the value of each variable and constant of a query
@@ -154,8 +154,7 @@ class Query:
 
     def _price(self, goal: Formula) -> int:
         """Of decided conjuncts, what is looked up comes before what is computed, and that before tests."""
-        tested = not self._situation.base.tests.keys().isdisjoint(goal.predicates)
-        return 2 if tested else int(not isinstance(goal, Atom))
+        return int(not isinstance(goal, Atom)) if goal.predicates.isdisjoint(self._situation.tested) else 2
 
     def _remembering(self, goal: Formula, bound: frozenset[str]) -> Test:
         """The test of a conjunct; asked again and again with the same values, it looks once while nothing changes."""
@@ -385,6 +384,7 @@ class Situation:
         self._effects: dict[str, list[tuple[bool, Atom, Query]]] = {}
         self._inputs: dict[tuple[str, tuple[str, ...]], Query] = {}
         self._conditions: dict[str, Query] = {}
+        self.tested = set(base.tests)  # predicates whose truth takes tests to know
 
     def query(
         self, formula: Formula, given: Sequence[str] = (), wanted: Sequence[str] = (), *, lazy: bool = False
@@ -398,6 +398,8 @@ class Situation:
         """
         name = f"condition {len(self._conditions)}"
         self._conditions[name] = self.query(formula, variables)
+        if not self.base.tests.keys().isdisjoint(reads(formula, self.program)):
+            self.tested.add(name)
         return Atom(name, variables)
 
     def state(self) -> State:
