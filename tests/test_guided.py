@@ -186,6 +186,42 @@ def test_few_tests_answer_a_question_about_all_places(load: Learned) -> None:
     assert planner._values.counts() == values
 
 
+POLICIES = Path(__file__).parent / "policies"
+
+
+def test_places_are_sampled_when_they_are_asked_for() -> None:
+    """What stands somewhere stands in a place that is known: features that say so need no samples beforehand."""
+    task = Task.load("sort")
+    instance = task.instance("8-8", 0)
+    GuidedPlanner(Policy.load(POLICIES / "sort"), instance).solve(time_limit=60)
+    supports = len(instance.base.relation("surface"))
+    assert instance.base.statistics["sample-placement"].calls <= 16 * supports < 16 * supports * 3
+
+
+def test_only_what_is_in_the_way_is_looked_at() -> None:
+    """A pick must take something out of what is in the way, or take the mug: nothing else is grasped."""
+    instance = Task.load("clutter").instance("16", 0, robot="gripper")
+    result = GuidedPlanner(Policy.load(POLICIES / "clutter"), instance).solve(time_limit=60)
+    picks = sum(step.schema == "pick" for step in result.steps)
+    assert instance.base.statistics["sample-grasp"].calls <= 2 * picks < 16
+
+
+def test_steps_back_are_not_evaluated(unstack: Learned, monkeypatch) -> None:
+    """What was put down last is the first candidate; to pick it up again leads nowhere new, and says nothing more."""
+    instance = Task.load("unstack").instance("8", 0, robot="gripper")
+    planner, been = GuidedPlanner(unstack.policy, instance), set()
+    accept = planner._accept
+
+    def noted(here, added, deleted, *rest):
+        been.add(here.state)
+        assert (here.state - frozenset(deleted)) | frozenset(added) not in been
+        return accept(here, added, deleted, *rest)
+
+    monkeypatch.setattr(planner, "_accept", noted)
+    result = planner.solve(time_limit=60)
+    assert been == set(result.states[:-1])
+
+
 def test_a_crowded_table_is_rearranged(unstack: Learned, tmp_path) -> None:
     """Ten blocks of 5 cm, and fingers between them, on a table of 18 by 20 cm: undoing steps in turn takes minutes."""
     text = (Path(__file__).parent.parent / "tasks" / "unstack.yaml").read_text(encoding="utf-8")
@@ -202,6 +238,6 @@ def test_a_crowded_table_is_rearranged(unstack: Learned, tmp_path) -> None:
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("size", ["2-32", "2-64"])
 def test_transport_beyond_the_papers_sizes(size: str, seed: int) -> None:
-    policy = Policy.load(Path(__file__).parent / "policies" / "transport")
+    policy = Policy.load(POLICIES / "transport")
     result = solve(Task.load("transport"), size, seed, policy=policy, time_limit=120)
     assert result.valid and result.planner == "guided"
