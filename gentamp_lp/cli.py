@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gentamp_lp import __version__
+from gentamp_lp.domain import running
 from gentamp_lp.errors import Diagnostic, GentampError, InputError, NoAnswer
 from gentamp_lp.interrupts import send_swallowed_again
 
@@ -316,7 +317,8 @@ def solve(
     if result.plan is not None and render is not None:
         code, base = loaded.folder.code, result.instance.base
         steps = [(s.schema, s.args) for s in result.plan.steps]
-        code.render_plan(result.instance.world, steps, base.values, render, *result.plan.transit_args)
+        with running(loaded.folder, "render_plan"):
+            code.render_plan(result.instance.world, steps, base.values, render, *result.plan.transit_args)
         messages.print(f"picture written to {render}")
     if result.stuck is not None:
         record(folder, Failure(result.instance.size, seed, result.instance.robot, result.stuck))
@@ -920,7 +922,7 @@ def main() -> None:
         if error.filename is None:
             raise
         messages.print(str(Diagnostic(str(error.strerror), error.filename, hint="check its name and permissions")))
-        sys.exit(2)
+        sys.exit(InputError.exit_code)
     except KeyboardInterrupt:
         messages.print("interrupted")
         sys.exit(130)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Mapping
+import traceback
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.errors import Diagnostic, GentampError, InputError
 from gentamp_lp.inputs import read_text
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.pddl import Domain, parse_domain
@@ -85,6 +87,53 @@ def check_stream_map(folder: DomainFolder, generators: Mapping[str, Any]) -> Non
         )
     if problems:
         raise InputError(*problems)
+
+
+@contextmanager
+def running(folder: DomainFolder, function: str, *passing: type[Exception]) -> Iterator[None]:
+    """Tell mistakes in the domain's Python code with their place, as InputError.
+
+    What it raises on purpose passes, and so do what the system says of files, and the exceptions `passing`.
+    """
+    purposely: tuple[type[Exception], ...] = (GentampError, OSError, *passing)
+    try:
+        yield
+    except purposely:
+        raise
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        where = next((f for f in reversed(frames) if Path(f.filename).is_relative_to(folder.path)), frames[-1])
+        message = f"`{function}` failed: {type(error).__name__}: {error}"
+        hint = "this is Python code of the domain"
+        raise InputError(Diagnostic(message, where.filename, where.lineno, hint=hint)) from error
+
+
+def check_world(folder: DomainFolder, world: Any) -> None:
+    """Compare the facts of a drawn world with the domain's predicates. Raises InputError."""
+    domain, names = folder.domain, world.values.keys() | set(folder.domain.constants)
+    unchanging = domain.predicates.keys() - domain.fluents
+    for kind, facts, allowed in (("static", world.static, unchanging), ("fluents", world.fluents, domain.fluents)):
+        for fact in facts:
+            if message := _misfit(domain, fact, allowed, names):
+                text = f"`{kind}` of the world has the fact {fact!r}: {message}"
+                raise InputError(Diagnostic(text, folder.path / "__init__.py", hint="see docs/domains.md"))
+
+
+def _misfit(domain: Domain, fact: Any, allowed: Iterable[str], names: Iterable[str]) -> str | None:
+    """Why a fact cannot be one of the initial state, or None if it can."""
+    if not isinstance(fact, tuple) or not fact or not all(isinstance(part, str) for part in fact):
+        return "facts are tuples of names that begin with a predicate"
+    predicate, *args = fact
+    if predicate not in domain.predicates:
+        return f"`{predicate}` is not declared in domain.pddl"
+    if predicate in domain.derived:
+        return f"axioms derive `{predicate}`"
+    if predicate not in allowed:
+        return f"actions change `{predicate}`" if predicate in domain.fluents else f"no action changes `{predicate}`"
+    if len(args) != (arity := domain.predicates[predicate].arity):
+        return f"`{predicate}` takes {arity} argument(s)"
+    unknown = [name for name in args if name not in names]
+    return f"`values` has no `{unknown[0]}`" if unknown else None
 
 
 def _import(path: Path) -> ModuleType:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gentamp_lp.domain import running
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text
 from gentamp_lp.inputs import read_json
@@ -51,7 +52,8 @@ class Plan:
             for row in base.relation(predicate).rows
             if set(row) <= known and set(row) & set(used)
         ]
-        entities = {name: code.encode(base.values[name], names) for name in used}
+        with running(instance.task.folder, "encode"):
+            entities = {name: code.encode(base.values[name], names) for name in used}
         return cls(
             instance.task.reference,
             instance.size,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gentamp_lp.compile import constrained_domain, original_step
+from gentamp_lp.domain import running
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
 from gentamp_lp.explain import situation
 from gentamp_lp.floor import stream_floor
@@ -213,10 +214,11 @@ def _with_transits(
     steps = [(step.schema, step.args) for step in plan.steps]
     plan_transits = instance.task.folder.code.plan_transits
     try:
-        for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, deadline):
-            found.append(move)
-            if not move.straight:
-                progress(f"transit to step {len(found)} of {len(steps)}: {len(move.waypoints)} waypoints")
+        with running(instance.task.folder, "plan_transits"):
+            for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, deadline):
+                found.append(move)
+                if not move.straight:
+                    progress(f"transit to step {len(found)} of {len(steps)}: {len(move.waypoints)} waypoints")
     except (NoAnswer, LimitReached) as error:
         failure = error
     return replace(plan, transits=tuple(move.waypoints.tolist() for move in found)), found, failure

@@ -13,6 +13,7 @@ from typing import Any
 
 from gentamp_lp.dataset import Dataset
 from gentamp_lp.demonstrations import Progress, demonstrate
+from gentamp_lp.domain import running
 from gentamp_lp.drawing import draw
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.explain import ExplainedState, explain, purpose, retrace, trace
@@ -121,7 +122,8 @@ def _planned(policy: Policy, task: Task, plan: Plan, progress: Progress) -> dict
     adopt(plan, instance)
     steps = [(step.schema, step.args) for step in plan.steps]
     progress("playing the plan")
-    made = animate(instance.world, steps, instance.base.values, *plan.transit_args)
+    with running(task.folder, "animate_plan"):
+        made = animate(instance.world, steps, instance.base.values, *plan.transit_args)
     camera = {"eye": made.camera.eye, "target": made.camera.target, "angle": made.camera.angle}
     return _run(title, states, {"viewer": made.viewer, "frames": made.frames, "camera": camera})
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from ruamel.yaml.scalarstring import LiteralScalarString
 
-from gentamp_lp.domain import DomainFolder, check_stream_map, load_domain
+from gentamp_lp.domain import DomainFolder, check_stream_map, check_world, load_domain, running
 from gentamp_lp.errors import Diagnostic, InputError, SceneError
 from gentamp_lp.inputs import line_of, read_yaml, validated
 from gentamp_lp.pool import find_grammar
@@ -152,14 +152,18 @@ class Task:
         parameters = self.parameters(size, rng)
         code = self.folder.code
         try:
-            world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
+            with running(self.folder, "make_world", OverflowError):
+                world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
         except SceneError as error:
             line = line_of(read_yaml(self.path), ("scene", *error.location))
             raise InputError(*(replace(d, path=self.path, line=line) for d in error.diagnostics)) from None
-        except (KeyError, OverflowError) as error:
-            hint = f"counts name parameters of `size` ({', '.join(self.file.size)}), and numbers are not too large"
+        except OverflowError as error:
+            hint = "numbers in `scene` may be too large"
             raise InputError(Diagnostic(f"the scene cannot be built: {error!r}", self.path, hint=hint)) from error
-        generators = code.stream_map(world, seed)
+        with running(self.folder, "make_world"):
+            check_world(self.folder, world)
+        with running(self.folder, "stream_map"):
+            generators = code.stream_map(world, seed)
         check_stream_map(self.folder, generators)
         sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)
         base = FactBase(self.folder.domain, self.folder.streams, generators, dict(world.values), sorts)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import time
 
+from gentamp_lp.domain import running
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.plan import Plan
 from gentamp_lp.streams.facts import Fact, bind
@@ -28,7 +29,8 @@ def validate(plan: Plan, task: Task) -> list[str]:
     problems = _unfounded(plan, instance)
     check_facts = getattr(task.folder.code, "check_facts", None)  # a domain may check claims no replay would test
     if check_facts and not problems:
-        problems = check_facts(instance.world, plan.facts, instance.base.values)
+        with running(task.folder, "check_facts"):
+            problems = check_facts(instance.world, plan.facts, instance.base.values)
     if problems:
         return problems
     state, problems = _simulate(plan, instance)
@@ -39,7 +41,8 @@ def validate(plan: Plan, task: Task) -> list[str]:
     steps = [(step.schema, step.args) for step in plan.steps]
     if plan.transits is not None and not hasattr(task.folder.code, "plan_transits"):
         return [*problems, f"the domain `{task.folder.path.name}` has no transits"]
-    problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *plan.transit_args)
+    with running(task.folder, "check_plan"):
+        problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *plan.transit_args)
     return problems
 
 

@@ -152,6 +152,12 @@ def bundle(place):
     return place.folder / "runs/unstack"
 
 
+def coins_with(place, old, new):
+    """Solve a problem of the coins with a change in their Python code."""
+    assert old in CODE, old
+    return ["solve", place.coins(code=CODE.replace(old, new)), "--size", "2", "--mode", "unguided", "--trust"]
+
+
 YAML = "task.yaml"
 CASES = {
     # --- the command line
@@ -192,7 +198,7 @@ CASES = {
     "hostile YAML": (
         lambda p: ["learn", p.task("name: unstack", "name: !!python/object/apply:os.system [id]")], "task.yaml", ""),
     "a count that is no parameter": (
-        lambda p: ["learn", p.task("count: blocks", "count: blobs")], "task.yaml: error: the scene", "blocks"),
+        lambda p: ["learn", p.task("count: blocks", "count: blobs")], "`blobs` is no parameter of `size`", "blocks"),
     "a list as a key": (
         lambda p: ["learn", p.task("name: unstack", "name: unstack\n[a, b]: x")], "task.yaml", ""),
     "a billion laughs": (
@@ -285,6 +291,33 @@ CASES = {
         lambda p: ["learn", p.coins("return (1, 2)"), "--trust", "--no-cache"], "sample-side", "c0"),
     "sampler that returns no tuple": (
         lambda p: ["learn", p.coins("return 7"), "--trust", "--no-cache"], "sample-side", "c0"),
+    "a mistake in make_world": (
+        lambda p: coins_with(p, 'parameters["coins"]', 'parameters["coin"]'),
+        "coins/__init__.py:", "`make_world` failed: KeyError: 'coin'"),
+    "a fact without a predicate": (
+        lambda p: coins_with(p, '("tails", name)', '("tials", name)'),
+        "coins/__init__.py: error", "`tials` is not declared in domain.pddl"),
+    "a fact with an argument too many": (
+        lambda p: coins_with(p, '("tails", name)', '("tails", name, name)'),
+        "`fluents` of the world", "`tails` takes 1 argument(s)"),
+    "a fluent that nothing changes": (
+        lambda p: coins_with(p, '("tails", name)', '("coin", name)'),
+        "`fluents` of the world", "no action changes `coin`"),
+    "a fact about a name without a value": (
+        lambda p: coins_with(p, '("tails", name)', '("tails", "c7")'),
+        "`fluents` of the world", "`values` has no `c7`"),
+    "a fact that is a list": (
+        lambda p: coins_with(p, '("tails", name)', '["tails", name]'),
+        "['tails', 'c0']", "tuples of names"),
+    "a mistake in stream_map": (
+        lambda p: coins_with(p, 'return {"sample-side"', 'return 0 / 0, {"sample-side"'),
+        "coins/__init__.py:", "`stream_map` failed: ZeroDivisionError"),
+    "a mistake in encode": (
+        lambda p: coins_with(p, "return value", 'return value["x"]'),
+        "coins/__init__.py:", "`encode` failed: TypeError"),
+    "a mistake in check_plan": (
+        lambda p: coins_with(p, "return []", "return [None][1:][0]"),
+        "coins/__init__.py:", "`check_plan` failed: IndexError"),
     # --- bundles and plans
     "bundle with a cut fact": (
         lambda p: [p.edit("runs/unstack/policy.lp", "action(a1).", "action(a1"), "validate", "runs/unstack"][1:],

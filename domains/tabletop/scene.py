@@ -346,9 +346,10 @@ class World:
 def make_world(scene: Scene, parameters: Mapping[str, int], robot: str, rng: np.random.Generator) -> World:
     """Draw a collision-free world in which the robot can reach every thing where it stands.
 
-    Raises NoAnswer with the reason when none was found, SceneError for a shape that the robot cannot grasp, KeyError
-    for an unknown size parameter.
+    Raises NoAnswer with the reason when none was found, SceneError for a shape that the robot cannot grasp and for an
+    unknown size parameter.
     """
+    _check_counts(scene, parameters)
     made = _robot(robot)
     supports, stretch = scene.supports, dict.fromkeys(scene.supports, 1.0)
     if made.flies:
@@ -471,6 +472,16 @@ def _zigzag(diameters: Sequence[float], width: float) -> float:
 def _robot(name: str, stretch: float = 1.0) -> Robot:
     """One robot of each kind a process: loading its meshes takes half a second."""
     return make_robot(name) if stretch == 1.0 else _robot(name).enlarged(stretch)
+
+
+def _check_counts(scene: Scene, parameters: Mapping[str, int]) -> None:
+    for number, group in enumerate(scene.things):
+        trays = ((option.tray, index) for index, option in enumerate(group.shapes))
+        cells = [(tray.cells, ("shapes", index, "tray", "cells")) for tray, index in trays if tray]
+        for count, where in [(group.count, ("count",)), *cells]:
+            if isinstance(count, str) and count not in parameters:
+                hint = f"parameters: {', '.join(parameters)}"
+                raise SceneError(f"`{count}` is no parameter of `size`", ("things", number, *where), hint=hint)
 
 
 def _count(count: Count, parameters: Mapping[str, int]) -> int:
