@@ -226,9 +226,7 @@ def _replay(
             replay.move(motion(world, values[args[-1]]), label=action)
         else:
             name, where, support, _, grasp, _, reach = args
-            path = values[reach].trajectory
-            if isinstance(replay, Replay):
-                path = _dense(world, path)
+            path = _filled(replay, world, values[reach].trajectory)
             if action == "pick":
                 replay.pick(name, path, values[grasp])
             else:
@@ -266,14 +264,13 @@ def _transit(world: World, replay: Replay | Playback, label: str, rows: Any, fol
     if not joined or (base and not (_same_place(path[0], first) and (path[:, :3] == goal[:3]).all())):
         replay.violations.append(f"{label}: it does not lead from the end of the last motion to the next")
         return
-    whole = Trajectory(path, following.opening)
-    if isinstance(replay, Replay):
-        whole = _dense(world, whole, _SMALL_TURN)
-    replay.move(whole, label=label, apart=True)
+    replay.move(_filled(replay, world, Trajectory(path, following.opening), _SMALL_TURN), label=label, apart=True)
 
 
-def _dense(world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
-    """The trajectory with configurations in between, so that nothing is jumped over."""
+def _filled(replay: Replay | Playback, world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
+    """The trajectory, for what checks it with configurations in between, so that nothing is jumped over."""
+    if isinstance(replay, Playback):
+        return trajectory
     path = [trajectory.configurations[0]]
     for after in trajectory.configurations[1:]:
         tools = world.robot.tools(np.array([path[-1], after]))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-
-import numpy as np
 
 from gentamp_lp.geometry.robots import Grasp, Robot, Trajectory
 from gentamp_lp.geometry.shapes import Shape
@@ -30,12 +29,10 @@ class Playback:
     def __init__(self, robot: Robot, base: Array | None = None) -> None:
         self.robot = robot
         self.violations: list[str] = []
-        self.configuration = np.array(robot.home)
-        if robot.mobile and base is not None:
-            self.configuration[:3] = base
+        self.configuration = robot.standing(base)
         self.opening = robot.opening
         self._poses: dict[str, Array] = {}
-        self._supports: dict[str, str] = {}
+        self._supports: dict[str, str | None] = {}
         self._attached: dict[str, Array] = {}  # poses of the held object (first) and its riders in the tool frame
         self._states: list[State] = []
 
@@ -68,7 +65,7 @@ class Playback:
         """Approach, grasp and retreat the same way."""
         self.move(trajectory)
         back = inverse(self.robot.tool(self.configuration))
-        self._attached = {n: back @ self._poses[n] for n in (name, *self._riders(name))}
+        self._attached = {n: back @ self._poses[n] for n in (name, *riders(name, self._supports))}
         del self._supports[name]
         self.move(trajectory, reverse=True)
 
@@ -81,7 +78,8 @@ class Playback:
     def _state(self, configuration: Array, moved: dict[str, Array]) -> State:
         return State(configuration, self.opening, self._poses | moved, next(iter(self._attached), None))
 
-    def _riders(self, name: str) -> list[str]:
-        """Return all objects that stand on an object, directly or not."""
-        direct = [other for other, support in self._supports.items() if support == name]
-        return direct + [rider for other in direct for rider in self._riders(other)]
+
+def riders(name: str, supports: Mapping[str, str | None]) -> list[str]:
+    """Return all objects that stand on an object, directly or not."""
+    direct = [other for other, support in supports.items() if support == name]
+    return direct + [rider for other in direct for rider in riders(other, supports)]

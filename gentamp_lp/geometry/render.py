@@ -86,12 +86,12 @@ def smooth(robot: Robot, states: Iterable[State], longest: float = 0.08) -> Iter
             metres, radians = difference(first, last)
             turn = max(radians, float(np.abs(state.configuration - before.configuration).max()))
             count = math.ceil(max(metres / longest, turn / (6 * longest))) - 1
-            middles = robot.between(before.configuration, state.configuration, count) if count > 0 else ()
-            moved = [n for n, p in state.poses.items() if not np.allclose(p, before.poses.get(n, p))] if count else []
-            for middle in middles:
-                change = robot.tool(middle) @ inverse(first)
-                poses = before.poses | {name: change @ before.poses[name] for name in moved}
-                yield State(middle, before.opening, poses, before.held)
+            if count > 0:
+                moved = [n for n, p in state.poses.items() if not np.allclose(p, before.poses.get(n, p))]
+                for middle in robot.between(before.configuration, state.configuration, count):
+                    change = robot.tool(middle) @ inverse(first)
+                    poses = before.poses | {name: change @ before.poses[name] for name in moved}
+                    yield State(middle, before.opening, poses, before.held)
         yield state
         before = state
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from gentamp_lp.geometry.bullet import Bullet, Closing
 from gentamp_lp.geometry.models import load_model
+from gentamp_lp.geometry.playback import riders
 from gentamp_lp.geometry.robots import Grasp, Robot, Trajectory
 from gentamp_lp.geometry.shapes import Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, inverse, pose
@@ -65,9 +66,7 @@ class Replay(Closing):
     ) -> None:
         self.robot = robot
         self.violations: list[str] = []
-        self.configuration = np.array(robot.home)
-        if robot.mobile and base is not None:
-            self.configuration[:3] = base
+        self.configuration = robot.standing(base)
         self.opening = robot.opening
         self._world = Bullet()
         self._model = load_model(self._world, robot)
@@ -163,9 +162,9 @@ class Replay(Closing):
             self._note(f"there is no object {name}")
             return self.violations[first:]
         item = self._objects[name]
-        riders = self._riders(name)
-        if riders and item.shape.interior is None:
-            self._note(f"{name} has {', '.join(riders)} on it")
+        above = riders(name, {other: thing.support for other, thing in self._objects.items()})
+        if above and item.shape.interior is None:
+            self._note(f"{name} has {', '.join(above)} on it")
         tool = self._model.tool()
         if grasp is not None:
             self._compare("the tool", tool, item.pose @ grasp.tool)
@@ -173,7 +172,7 @@ class Replay(Closing):
                 self._note(f"the fingers are {self.opening:.4f} m apart, the grasp says {grasp.opening:.4f} m")
         self._straddle(name, tool)
         self._held, item.support = name, None
-        self._attached = {n: inverse(tool) @ self._objects[n].pose for n in (name, *riders)}
+        self._attached = {n: inverse(tool) @ self._objects[n].pose for n in (name, *above)}
         return self.violations[first:]
 
     def release(
@@ -233,11 +232,6 @@ class Replay(Closing):
         metres, radians = difference(found, claimed)
         if metres > POSITION or radians > ANGLE:
             self._note(f"{what} is {1000 * metres:.1f} mm and {math.degrees(radians):.1f} degrees off")
-
-    def _riders(self, name: str) -> list[str]:
-        """Return all objects that stand on an object, directly or not."""
-        direct = [other for other, item in self._objects.items() if item.support == name]
-        return direct + [rider for other in direct for rider in self._riders(other)]
 
     def _carry(self, tool: Array) -> list[str]:
         """Move the held object and its riders with the tool; return their names."""

@@ -118,6 +118,13 @@ class Robot(ABC):
         """Return the tool pose (4×4) of a configuration (dof,)."""
         return np.asarray(self.tools(np.asarray(configuration)[None])[0])
 
+    def standing(self, base: Array | None) -> Array:
+        """Return the configuration (dof,) at rest; a mobile robot's base is at x, y, yaw (3,) if these are given."""
+        configuration = np.array(self.home)
+        if self.mobile and base is not None:
+            configuration[:3] = base
+        return configuration
+
     def between(self, first: Array, second: Array, count: int) -> Array:
         """Return `count` configurations (count, dof) evenly spaced after `first` and before `second`."""
         share = np.arange(1, count + 1)[:, None] / (count + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError
@@ -92,11 +92,10 @@ def _streams(files: Iterable[StreamFile], domain: Domain) -> tuple[tuple[Stream,
     streams: dict[str, Stream] = {}
     places: dict[str, str] = {}
     for groups, path in files:
-        for stream in declared_streams(groups, domain, path):
-            name = f"rule-{len(streams) + 1}" if stream.kind == "rule" else stream.name
-            if name in streams:
-                raise InputError(Diagnostic(f"stream `{name}` is declared twice", path, stream.line))
-            streams[name], places[name] = replace(stream, name=name), path
+        for stream in declared_streams(groups, domain, path, len(streams)):
+            if stream.name in streams:
+                raise InputError(Diagnostic(f"stream `{stream.name}` is declared twice", path, stream.line))
+            streams[stream.name], places[stream.name] = stream, path
     return mark_recursive(streams.values()), places
 
 

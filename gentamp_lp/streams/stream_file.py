@@ -57,8 +57,10 @@ def parse_streams(text: str, domain: Domain, path: Path | str | None = None) -> 
     return declared_streams(read_groups(text, path), domain, path)
 
 
-def declared_streams(groups: Sequence[Group], domain: Domain, path: Path | str | None = None) -> tuple[Stream, ...]:
-    """The streams of a file that was taken apart already (see `parse_streams`)."""
+def declared_streams(
+    groups: Sequence[Group], domain: Domain, path: Path | str | None = None, before: int = 0
+) -> tuple[Stream, ...]:
+    """The streams of a file that was taken apart already (see `parse_streams`), with `before` streams in others."""
     reader = PDDLReader(
         path, dict(domain.predicates), frozenset(domain.constants), dict(domain.supertypes), dict(domain.functions)
     )
@@ -73,7 +75,7 @@ def declared_streams(groups: Sequence[Group], domain: Domain, path: Path | str |
             case ":stream":
                 stream = _stream(reader, group, domain)
             case ":rule":
-                stream = _rule(reader, group, domain, number)
+                stream = _rule(reader, group, domain, before + number)
             case ":function" | ":predicate":
                 stream = _function(reader, group, domain)
             case ":optimizer" | ":constraint" | ":objective" | ":variables":
