@@ -52,6 +52,8 @@ def draw(cells: Sequence[Cell], timeout: float, path: Path) -> None:
         axes.grid(True, axis="y", alpha=0.3)
     first = figure.axes[0]
     first.set_ylabel("seconds (mean, 95 % interval)")
-    first.legend(fontsize=7)
+    shown = [axes.get_legend_handles_labels() for axes in figure.axes]
+    lines = {label: line for drawn in shown for line, label in zip(*drawn, strict=True)}
+    first.legend(lines.values(), lines.keys(), fontsize=7)
     with replacing(path) as file:
         figure.savefig(file, format=path.suffix[1:])

@@ -98,6 +98,10 @@ def test_summary(tmp_path: Path) -> None:
     assert (lost.solved, lost.mean, lost.low, lost.high, lost.ratio) == (0, 10.0, 10.0, 10.0, None)
     draw([cell, lost], 10.0, tmp_path / "figure.svg")
     assert "<svg" in (tmp_path / "figure.svg").read_text()
+    elsewhere = replace(lost, task="zoo", mode="skeleton-incremental")
+    draw([cell, elsewhere], 10.0, tmp_path / "figure.svg")
+    legend = (tmp_path / "figure.svg").read_text().split('id="legend_1"')[1]
+    assert f"<!-- {cell.mode} -->" in legend and "<!-- skeleton-incremental -->" in legend
 
 
 def test_a_benchmark_is_continued(policies: Path, tmp_path: Path) -> None:
