@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gentamp_lp.geometry.bullet import Bullet
+from gentamp_lp.geometry.bullet import Bullet, Camera
 from gentamp_lp.geometry.collision import Swept, collide, convex, hits_table, placed
 from gentamp_lp.geometry.gripper import Gripper
 from gentamp_lp.geometry.models import load_model
@@ -316,6 +316,32 @@ def test_a_film_has_no_gaps(gripper):
     small = replace(MOVIE, width=64, height=48)
     pictures = list(film(gripper, {"a": CUBE}, whole[:3], small))
     assert len(pictures) == 3 and pictures[0].size == (64, 48)
+
+
+def test_a_camera_comes_as_near_as_it_can():
+    """Every sphere is within the four planes through the eye, and one on each of two opposite sides is at a plane."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        centres, radii = rng.normal(size=(9, 3)), rng.uniform(0.0, 0.4, 9)
+        before = Camera(eye=tuple(rng.normal(size=3) + 3.0), angle=float(rng.uniform(20.0, 90.0)), width=900)
+        camera = before.framing(centres, radii)
+        ways = [np.subtract(c.target, c.eye) for c in (before, camera)]
+        ahead, again = (way / np.linalg.norm(way) for way in ways)
+        assert np.allclose(ahead, again)
+        right = np.cross(ahead, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(ahead, (0.0, 0.0, 1.0)))
+        high = math.radians(camera.angle) / 2
+        wide = math.atan(math.tan(high) * camera.width / camera.height)
+        gaps = []
+        for side, half in (
+            (right, wide),
+            (-right, wide),
+            (np.cross(right, ahead), high),
+            (np.cross(ahead, right), high),
+        ):
+            normal = math.sin(half) * ahead + math.cos(half) * side  # of the opposite plane, inwards
+            gaps.append(((centres - camera.eye) @ normal - radii).min())
+        assert min(gaps) > -1e-9
+        assert max(gaps[:2]) < 1e-9 or max(gaps[2:]) < 1e-9
 
 
 def test_nothing_is_printed():

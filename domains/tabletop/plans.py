@@ -293,13 +293,14 @@ def render_plan(
     where = {name: place for name, (_, place) in mats.items()}
     states = [replace(state, poses=state.poses | where) for state in states]
     if path.suffix == ".png":
-        first, last = film(world.robot, shapes, [states[0], states[-1]], _view(world, STILL), world.tables)
+        ends = [states[0], states[-1]]
+        first, last = film(world.robot, shapes, ends, _view(world, ends, STILL), world.tables)
         both = Image.new("RGB", (first.width + last.width, first.height))
         both.paste(first, (0, 0))
         both.paste(last, (first.width, 0))
         save_still(both, path)
     else:
-        images = film(world.robot, shapes, smooth(world.robot, states), _view(world, MOVIE), world.tables)
+        images = film(world.robot, shapes, smooth(world.robot, states), _view(world, states, MOVIE), world.tables)
         save_movie(images, path, seconds=0.08)
 
 
@@ -310,15 +311,22 @@ def animate_plan(
     from gentamp_lp.geometry.animation import animate
 
     moments = _moments(world, steps, values, transits)
-    return animate(world.robot, world.shapes, moments, _view(world, STILL), world.tables, _mats(world).values())
+    view = _view(world, [state for moment in moments for state in moment], STILL)
+    return animate(world.robot, world.shapes, moments, view, world.tables, _mats(world).values())
 
 
-def _view(world: World, camera: Camera) -> Camera:
-    """The camera, far enough away to see all tables of a room."""
-    if not world.tables:
-        return camera
-    far = max(abs(float(v)) + max(shape.extent[:2]) / 2 for shape, where in world.tables for v in where[:2, 3])
-    return replace(camera, eye=(0.6 * far, -2.2 * far, 1.5 * far), target=(0.0, 0.0, -0.1 * far), angle=44.0)
+def _view(world: World, states: Sequence[State], camera: Camera) -> Camera:
+    """A camera that sees the robot and all things where they are in some states, and the tables of a room."""
+    if world.tables:
+        camera = replace(camera, eye=(1.5, -1.1, 1.3), target=(0.0, 0.0, 0.0))
+    corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
+    spheres = [(centre, 0.0) for shape, where in world.tables for centre in corners * shape.extent + where[:3, 3]]
+    for state in states:
+        spheres += [(state.poses[name][:3, 3], shape.radius) for name, shape in world.shapes.items()]
+        for body in world.robot.bodies(state.configuration, state.opening):
+            spheres.append((body.pose[:3, :3] @ body.link.centre + body.pose[:3, 3], body.link.radius))
+    centres, radii = zip(*spheres, strict=True)
+    return camera.framing(np.array(centres), np.array(radii))
 
 
 def _mats(world: World) -> dict[str, tuple[Shape, Array]]:

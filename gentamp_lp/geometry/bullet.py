@@ -6,6 +6,7 @@ while a call runs; known chatter is dropped and the rest goes to stderr, so that
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -13,7 +14,7 @@ import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -70,6 +71,29 @@ class Camera:
     ambient: float = 0.55
     diffuse: float = 0.50
     specular: float = 0.10
+
+    def framing(self, centres: Array, radii: Array) -> Camera:
+        """Return a camera that looks the same way and has all spheres (n, 3) and (n,), in m, in its picture.
+
+        It is as near as can be. In coordinates along its axes, a sphere must be on the inner side of each of the four
+        planes that bound what it sees; the left and the right one leave an interval for where it can be, and so do the
+        upper and the lower one.
+        """
+        ahead = np.subtract(self.target, self.eye)
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        axes = np.stack([right, np.cross(right, ahead), ahead])
+        *across, depth = axes @ centres.T
+        slopes = math.tan(math.radians(self.angle) / 2) * np.array([self.width / self.height, 1.0])
+        least, most = np.array([
+            (np.max(place - slope * depth + radii * math.hypot(1.0, slope)),
+             np.min(place + slope * depth - radii * math.hypot(1.0, slope)))
+            for place, slope in zip(across, slopes, strict=True)
+        ]).T  # fmt: skip
+        eye = np.array([*(least + most) / 2, np.min((most - least) / (2 * slopes))]) @ axes
+        target = eye + ahead * float((centres - eye).mean(axis=0) @ ahead)
+        return replace(self, eye=tuple(eye.tolist()), target=tuple(target.tolist()))
 
 
 class Closing(ABC):
