@@ -18,7 +18,6 @@ from rich.console import Console
 from rich.table import Table
 
 from gentamp_lp import __version__
-from gentamp_lp.domain import running
 from gentamp_lp.errors import Diagnostic, GentampError, InputError, NoAnswer
 from gentamp_lp.interrupts import send_swallowed_again
 
@@ -268,6 +267,7 @@ def solve(
 
     Example: `gentamp-lp solve unstack --size 16 --seed 1 --out plan.json --render plan.gif`
     """
+    from gentamp_lp.domain import running
     from gentamp_lp.plan import Plan
     from gentamp_lp.planning import skeleton_of
     from gentamp_lp.planning import solve as run

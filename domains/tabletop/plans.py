@@ -268,9 +268,12 @@ def _transit(world: World, replay: Replay | Playback, label: str, rows: Any, fol
 
 
 def _filled(replay: Replay | Playback, world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
-    """The trajectory, for what checks it with configurations in between, so that nothing is jumped over."""
-    if isinstance(replay, Playback):
-        return trajectory
+    """The trajectory as it is to be shown, or checked."""
+    return trajectory if isinstance(replay, Playback) else _dense(world, trajectory, turn)
+
+
+def _dense(world: World, trajectory: Trajectory, turn: float = _TURN) -> Trajectory:
+    """The trajectory with configurations in between, so that nothing is jumped over."""
     path = [trajectory.configurations[0]]
     for after in trajectory.configurations[1:]:
         tools = world.robot.tools(np.array([path[-1], after]))
