@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gentamp_lp.errors import Diagnostic, GentampError, InputError
+from gentamp_lp.errors import Diagnostic, GentampError, InputError, code_fault
 from gentamp_lp.inputs import read_text
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.pddl import Domain, parse_domain
@@ -101,11 +100,7 @@ def running(folder: DomainFolder, function: str, *passing: type[Exception]) -> I
     except purposely:
         raise
     except Exception as error:
-        frames = traceback.extract_tb(error.__traceback__)
-        where = next((f for f in reversed(frames) if Path(f.filename).is_relative_to(folder.path)), frames[-1])
-        message = f"`{function}` failed: {type(error).__name__}: {error}"
-        hint = "this is Python code of the domain"
-        raise InputError(Diagnostic(message, where.filename, where.lineno, hint=hint)) from error
+        raise code_fault(f"`{function}` failed", error, folder.path) from error
 
 
 def check_world(folder: DomainFolder, world: Any) -> None:

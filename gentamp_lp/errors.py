@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,14 @@ class InputError(GentampError):
     def __init__(self, *diagnostics: Diagnostic | str) -> None:
         self.diagnostics = tuple(Diagnostic(d) if isinstance(d, str) else d for d in diagnostics)
         super().__init__("\n".join(str(d) for d in self.diagnostics))
+
+
+def code_fault(what: str, error: Exception, folder: Path | None = None) -> InputError:
+    """What to raise when Python code of a domain raises: where it did, in a file of its `folder` if there is one."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if folder and Path(frame.filename).is_relative_to(folder)]
+    where, message = (own or frames)[-1], f"{what}: {type(error).__name__}: {error}"
+    return InputError(Diagnostic(message, where.filename, where.lineno, hint="this is Python code of the domain"))
 
 
 class SceneError(InputError):

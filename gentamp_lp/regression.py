@@ -12,12 +12,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import count, product
 
 from gentamp_lp.invariants import Group, key_of
+from gentamp_lp.streams.facts import bind
 from gentamp_lp.streams.formula import (
     FALSE,
     TRUE,
     And,
     Atom,
     Exists,
+    Forall,
     Formula,
     Not,
     Or,
@@ -28,7 +30,7 @@ from gentamp_lp.streams.formula import (
     substitute,
 )
 from gentamp_lp.streams.pddl import ActionSchema
-from gentamp_lp.streams.queries import definitions, renamed, unfold
+from gentamp_lp.streams.queries import unfold
 from gentamp_lp.streams.semantics import Program
 
 Facts = frozenset[Formula]
@@ -123,7 +125,7 @@ class Regression:
         )
 
     def _definition(self, atom: Atom) -> Formula:
-        bodies = definitions(atom, self.program, next(self._numbers))
+        bodies = _definitions(atom, self.program, next(self._numbers))
         return bodies[0] if len(bodies) == 1 else Or(tuple(bodies))
 
     def _hits(self, atom: Atom, positive: bool) -> Formula:
@@ -135,7 +137,7 @@ class Regression:
                 own = {variable: f"{variable}~{number}" for variable in effect.variables}
                 args = (own.get(arg, arg) for arg in effect.atom.args)
                 same = (Atom("=", pair) for pair in zip(atom.args, args, strict=True))
-                hit = And((*same, renamed(normalize(effect.condition), own, number)))
+                hit = And((*same, _renamed(normalize(effect.condition), own, number)))
                 options.append(Exists(tuple(own.values()), hit) if own else hit)
         return Or(tuple(options))
 
@@ -271,3 +273,22 @@ def _or(parts: Iterable[Formula]) -> Formula:
             return TRUE
         found |= dict.fromkeys(part.parts if isinstance(part, Or) else (part,))
     return next(iter(found)) if len(found) == 1 else Or(tuple(found))
+
+
+def _definitions(atom: Atom, program: Program, number: int) -> list[Formula]:
+    """The bodies of a derived predicate's axioms for these arguments; the number keeps quantified variables apart."""
+    axioms = program.axioms[atom.predicate]
+    return [_renamed(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True)), number) for axiom in axioms]
+
+
+def _renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
+    """The formula with other names, and with quantified variables that occur nowhere else."""
+    match formula:
+        case Atom():
+            return Atom(formula.predicate, bind(formula, names))
+        case Exists(variables, body):
+            own = {v: f"{v}~{number}" for v in variables}
+            return Exists(tuple(own.values()), _renamed(body, {**names, **own}, number))
+        case Forall():
+            raise AssertionError(f"not normalized: {formula}")
+    return rebuilt(formula, lambda part: _renamed(part, names, number))

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import re
 import time
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import itemgetter
 from typing import Any
 
-from gentamp_lp.errors import Diagnostic, GentampError, InputError
+from gentamp_lp.errors import Diagnostic, GentampError, InputError, code_fault
 from gentamp_lp.streams.formula import Atom, Formula, substitute
 from gentamp_lp.streams.language import Generator, WildOutput, decision
 from gentamp_lp.streams.naming import Names
@@ -142,9 +141,7 @@ def failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError
     """What to raise when the Python code behind a stream raises: where it did, and on which inputs."""
     if isinstance(error, GentampError):
         return error
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    message = f"stream `{stream}` failed on ({', '.join(inputs)}): {type(error).__name__}: {error}"
-    return InputError(Diagnostic(message, where.filename, where.lineno, hint="this is Python code of the domain"))
+    return code_fault(f"stream `{stream}` failed on ({', '.join(inputs)})", error)
 
 
 def _rows(generator: Generator, values: Iterable[Any]) -> Iterator[Any]:

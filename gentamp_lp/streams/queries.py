@@ -17,13 +17,11 @@ from gentamp_lp.streams.formula import (
     And,
     Atom,
     Exists,
-    Forall,
     Formula,
     Not,
     Or,
     conjuncts,
     normalize,
-    rebuilt,
 )
 from gentamp_lp.streams.pddl import ActionSchema
 from gentamp_lp.streams.semantics import Program, State, View, reads
@@ -47,25 +45,6 @@ def unfold(formula: Formula, program: Program) -> Formula:
         return [(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True))) for axiom in found]
 
     return normalize(formula, definitions)
-
-
-def definitions(atom: Atom, program: Program, number: int) -> list[Formula]:
-    """The bodies of a derived predicate's axioms for these arguments; the number keeps quantified variables apart."""
-    axioms = program.axioms[atom.predicate]
-    return [renamed(axiom.body, dict(zip(axiom.head.args, atom.args, strict=True)), number) for axiom in axioms]
-
-
-def renamed(formula: Formula, names: dict[str, str], number: int) -> Formula:
-    """The formula with other names, and with quantified variables that occur nowhere else."""
-    match formula:
-        case Atom():
-            return Atom(formula.predicate, bind(formula, names))
-        case Exists(variables, body):
-            own = {v: f"{v}~{number}" for v in variables}
-            return Exists(tuple(own.values()), renamed(body, {**names, **own}, number))
-        case Forall():
-            raise AssertionError(f"not normalized: {formula}")
-    return rebuilt(formula, lambda part: renamed(part, names, number))
 
 
 class Query:
