@@ -39,7 +39,7 @@ from gentamp_lp.streams.queries import Query, Situation
 from gentamp_lp.streams.semantics import Program, State, Step, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
-from gentamp_lp.watches import Toggles, Watches
+from gentamp_lp.watches import Prospect, Watches
 
 _BACKTRACKS = 30  # per round, doubled every round
 _MOVES = 15  # how often one thing is put elsewhere by repairs, per round
@@ -140,9 +140,13 @@ class _Move:
     abstract: str
     added: list[Fact]
     deleted: list[Fact]
-    toggles: Toggles
+    prospect: Prospect
     successor: State
-    outcome: tuple[bool, ...]  # the abstract state it leads to
+
+
+def _outcome(prospect: Prospect) -> tuple[bool, ...]:
+    """The abstract state that a step leads to."""
+    return tuple(prospect.some.values())
 
 
 @dataclass
@@ -283,7 +287,7 @@ class GuidedPlanner:
                 if self._wish and self._wish[0][:2] == (following.step.schema, following.known):
                     self._wish = None
                 states.append(following.successor)
-                self._change(following.added, following.deleted, following.toggles)
+                self._change(following.added, following.deleted, following.prospect)
                 continue
             if len(states) > deepest:
                 deepest = len(states)
@@ -335,9 +339,9 @@ class GuidedPlanner:
         """Whether a step would have the abstract effect."""
         return self._accept(here, *self._changes(phases, known), action, known) is not None
 
-    def _change(self, added: list[Fact], deleted: list[Fact], toggles: Toggles | None = None) -> None:
+    def _change(self, added: list[Fact], deleted: list[Fact], prospect: Prospect | None = None) -> None:
         self._situation.change(added, deleted)
-        self._values.change(added, deleted, toggles)
+        self._values.change(added, deleted, prospect)
         self._goal.change(added, deleted)
 
     def _reason(self, state: State) -> str:
@@ -371,7 +375,7 @@ class GuidedPlanner:
                 for move in self._moves(self._phases(name, action.name), action, here, first):
                     found = True
                     yield move
-                    here.dead.add(move.outcome)
+                    here.dead.add(_outcome(move.prospect))
                     self._here = here  # meanwhile other states were expanded
             if found or not here.short:
                 return
@@ -386,19 +390,18 @@ class GuidedPlanner:
             successor = (state - frozenset(deleted)) | frozenset(added)
             if successor in here.tried or successor in self._visited:
                 continue
-            accepted = self._accept(here, added, deleted, action, known)
-            if accepted is None:
+            prospect = self._accept(here, added, deleted, action, known)
+            if prospect is None:
                 here.tried.add(successor)
                 phases.failed.add(known)
                 continue
-            outcome, toggles = accepted
-            if outcome in here.dead and known not in postponed:
+            if _outcome(prospect) in here.dead and known not in postponed:
                 postponed.append(known)
             elif self._in_the_way(added, deleted):
                 continue
             elif args := next(phases.late.solutions(known), None):
                 here.tried.add(successor)
-                yield _Move(Step(schema.name, args), known, action.name, added, deleted, toggles, successor, outcome)
+                yield _Move(Step(schema.name, args), known, action.name, added, deleted, prospect, successor)
             else:
                 phases.failed.add(known)
 
@@ -429,17 +432,16 @@ class GuidedPlanner:
 
     def _accept(
         self, here: _Expansion, added: list[Fact], deleted: list[Fact], action: AbstractAction, known: Args
-    ) -> tuple[tuple[bool, ...], Toggles] | None:
-        """Where a step leads and what it changes, if it has the abstract effect and the policy has a rule there."""
-        after: dict[str, bool] = {}
-        toggles: Toggles = {}
-        for name, change in self._values.peek(added, deleted, toggles):
-            after[name] = change.after
+    ) -> Prospect | None:
+        """Where a step leads, if it has the abstract effect and the policy has a rule there."""
+        prospect = Prospect()
+        for name, change in self._values.peek(added, deleted, prospect):
             if action.effects.get(name) != effect_of(self.kinds[name], *change):
                 self._learn(here, name, known)
                 return None
-        if self.policy.rule_for(after) or not any(c.after for _, c in self._goal.peek(added, deleted, {})):
-            return tuple(after.values()), toggles
+        unmet = (change.after for _, change in self._goal.peek(added, deleted, Prospect()))
+        if self.policy.rule_for(prospect.some) or not any(unmet):
+            return prospect
         if here.state not in self._strays:
             self._change(added, deleted)
             self._strays[here.state] = self._values.counts()

@@ -27,6 +27,14 @@ Toggles = dict[str, list[Args]]
 """For formulas without tests, the tuples that enter or leave the extension."""
 
 
+@dataclass
+class Prospect:
+    """What a change of the state will do to the formulas, and whether anything will satisfy them then."""
+
+    toggles: Toggles = field(default_factory=dict)
+    some: dict[str, bool] = field(default_factory=dict)
+
+
 class Change(NamedTuple):
     """What a change of the state does to a formula: whether anything satisfies it before and after, and the sign of
     the change of their number.
@@ -50,6 +58,7 @@ class _Watch:
     lazy: bool
     recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
     near: dict[str, list[tuple[bool, Atom, Query]]] = field(default_factory=dict)
+    growing: set[str] = field(default_factory=set)  # predicates it reads to which streams may add
     members: dict[Args, None] = field(default_factory=dict)  # unless lazy
     seen: deque[Args] = field(default_factory=lambda: deque(maxlen=3))  # of a lazy one: tuples that satisfied it
 
@@ -87,9 +96,8 @@ class Watches:
         found = {axiom.head.predicate: self._watch(axiom) for axiom in axioms}
         self._watches = dict(sorted(found.items(), key=lambda item: item[1].lazy))
         self._names = list(found)
-        self._entities = 0
-        growing = {predicate for watch in found.values() for predicate in watch.near}
-        self._sizes = dict.fromkeys(sorted(growing - situation.program.domain.fluents), 0)
+        self._known = self._stamp()
+        self._sizes = dict.fromkeys(sorted({name for watch in found.values() for name in watch.growing}), 0)
         self._some: dict[str, bool] = {}
         self._recall()
 
@@ -103,6 +111,8 @@ class Watches:
         for atom, positive, beside, tested in self._occurrences(body, True, ()):
             names = tuple(dict.fromkeys(a for a in atom.args if a.startswith("?")))
             in_state = atom.predicate in program.domain.fluents
+            if not in_state:
+                watch.growing.add(atom.predicate)
             if in_state or not lazy:
                 guards = tuple(part for part in beside if self._lasts(part, in_state))
                 if lazy:  # one that is in has to satisfy the rest, too; what takes tests is left for later
@@ -133,27 +143,29 @@ class Watches:
         self._sync()
         return {name: self._positive(name) for name in self._names}
 
-    def peek(self, added: list[Fact], deleted: list[Fact], toggles: Toggles) -> Iterator[tuple[str, Change]]:
+    def peek(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> Iterator[tuple[str, Change]]:
         """What a change of the state would do, formula by formula, those without tests first.
 
-        `toggles` gets what `change` may be given if the change is made.
+        `prospect` gets what `change` may be given if the change is made, once all formulas have been asked for.
         """
         self._sync()
         self.situation.change(added, deleted)
-        toggles |= self._affected(added, deleted)
+        prospect.toggles |= self._affected(added, deleted)
         self.situation.change(deleted, added)
         for name, watch in self._watches.items():
             if watch.lazy:
-                yield name, self._prospect(name, added, deleted)
+                change = self._change_of(name, added, deleted)
             else:
-                rows = toggles.get(name, ())
+                rows = prospect.toggles.get(name, ())
                 size, difference = len(watch.members), sum(-1 if row in watch.members else 1 for row in rows)
-                yield name, Change(size > 0, size + difference > 0, _sign(difference))
+                change = Change(size > 0, size + difference > 0, _sign(difference))
+            prospect.some[name] = change.after
+            yield name, change
 
-    def change(self, added: list[Fact], deleted: list[Fact], toggles: Toggles | None = None) -> None:
-        """Follow the situation, which has just been changed; `toggles` are what `peek` said of this change."""
-        self._some.clear()
-        self._toggle(self._affected(added, deleted) if toggles is None else toggles)
+    def change(self, added: list[Fact], deleted: list[Fact], prospect: Prospect | None = None) -> None:
+        """Follow the situation, which has just been changed; `prospect` is what `peek` said of this change."""
+        self._some = {} if prospect is None else dict(prospect.some)
+        self._toggle(self._affected(added, deleted) if prospect is None else prospect.toggles)
 
     def moved_by(self, name: str, schema: ActionSchema, entering: bool) -> set[Args] | None:
         """Which tuples, in terms of an action's parameters, it can make enter (or leave) the extension of a formula.
@@ -182,7 +194,7 @@ class Watches:
             self._some[name] = watch.found()
         return self._some[name]
 
-    def _prospect(self, name: str, added: list[Fact], deleted: list[Fact]) -> Change:
+    def _change_of(self, name: str, added: list[Fact], deleted: list[Fact]) -> Change:
         """What a change would do to a lazy formula."""
         watch, before = self._watches[name], self._positive(name)
         losses = self._leaving(watch, added, deleted, False)
@@ -219,21 +231,28 @@ class Watches:
                 watch.members = dict.fromkeys(watch.everything.solutions())
         for name in self._sizes:
             self._sizes[name] = len(self._base.relation(name))
-        self._entities = len(self._base.values)
+        self._known = self._stamp()
         self._some.clear()
+
+    def _stamp(self) -> tuple[int, int]:
+        """Different whenever there are more entities or facts (but for what tests decide)."""
+        return len(self._base.values), self._base.revision
 
     def _sync(self) -> None:
         """Take in the facts that streams have certified since the last look."""
-        entities, self._entities = self._entities, len(self._base.values)
-        if entities == self._entities:
+        before, self._known = self._known, self._stamp()
+        if before == self._known:
             return
-        self._some.clear()
         new: list[Fact] = []
         for name, size in self._sizes.items():
             rows = self._base.relation(name).rows
             if len(rows) > size:
                 new += [(name, *row) for row in list(rows)[size:]]
                 self._sizes[name] = len(rows)
+        grown = {fact[0] for fact in new}
+        for name, watch in self._watches.items():
+            if watch.lazy and (watch.everything.unguarded or not watch.growing.isdisjoint(grown)):
+                self._some.pop(name, None)
         self._toggle(self._affected(new, (), more=True))
 
     def _toggle(self, toggles: Toggles) -> None:

@@ -14,7 +14,7 @@ from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.queries import Situation, unfold
 from gentamp_lp.streams.semantics import Program, Step, View, applicable, apply
 from gentamp_lp.streams.stream_file import parse_streams
-from gentamp_lp.watches import Watches
+from gentamp_lp.watches import Prospect, Watches
 
 DOMAIN = parse_domain(
     """(define (domain d)
@@ -133,14 +133,17 @@ def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
             added, deleted = situation.effects(DOMAIN.action(step.schema), step.args)
             assert (states[-1] - set(deleted)) | set(added) == successor
             assert not set(added) & states[-1] and set(deleted) <= states[-1]
-            toggles = {}
+            prospect = Prospect()
             here, there = expected(states[-1]), expected(successor)
-            for name, change in watches.peek(added, deleted, toggles):
+            for name, change in watches.peek(added, deleted, prospect):
                 sign = (there[name] > here[name]) - (there[name] < here[name])
                 assert change == (here[name] > 0, there[name] > 0, sign)
             assert situation.state() == states[-1] and watches.counts() == here
+            if number % 7 == 0:  # as the streams of a step do
+                inputs = structure.base.inputs(STREAMS[0])
+                structure.base.draw(STREAMS[0], inputs[number % len(inputs)])
             situation.change(added, deleted)
-            watches.change(added, deleted, toggles if number % 2 else None)
+            watches.change(added, deleted, prospect if number % 2 else None)
             states.append(successor)
             done.append((added, deleted))
         assert situation.state() == states[-1]
