@@ -96,7 +96,6 @@ class Watches:
         found = {axiom.head.predicate: self._watch(axiom) for axiom in axioms}
         self._watches = dict(sorted(found.items(), key=lambda item: item[1].lazy))
         self._names = list(found)
-        self._known = self._stamp()
         self._sizes = dict.fromkeys(sorted({name for watch in found.values() for name in watch.growing}), 0)
         self._some: dict[str, bool] = {}
         self._recall()
@@ -150,7 +149,7 @@ class Watches:
         """
         self._sync()
         self.situation.change(added, deleted)
-        prospect.toggles |= self._affected(added, deleted)
+        prospect.toggles = self._affected(added, deleted)
         self.situation.change(deleted, added)
         for name, watch in self._watches.items():
             if watch.lazy:
