@@ -39,7 +39,7 @@ from gentamp_lp.streams.queries import Query, Situation
 from gentamp_lp.streams.semantics import Program, State, Step, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
-from gentamp_lp.watches import Prospect, Watches
+from gentamp_lp.watches import Change, Prospect, Watches
 
 _BACKTRACKS = 30  # per round, doubled every round
 _MOVES = 15  # how often one thing is put elsewhere by repairs, per round
@@ -132,6 +132,17 @@ class DeadEnd(NoAnswer):
 
 
 @dataclass
+class _Outlook:
+    """What a step will do to the features and to what keeps the goal from holding, and the abstract state it leads to
+    (empty for a goal).
+    """
+
+    values: Prospect = field(default_factory=Prospect)
+    unmet: Prospect = field(default_factory=Prospect)
+    abstract: tuple[bool, ...] = ()
+
+
+@dataclass
 class _Move:
     """A step that the policy allows, with what it changes."""
 
@@ -140,13 +151,8 @@ class _Move:
     abstract: str
     added: list[Fact]
     deleted: list[Fact]
-    prospect: Prospect
+    outlook: _Outlook
     successor: State
-
-
-def _outcome(prospect: Prospect) -> tuple[bool, ...]:
-    """The abstract state that a step leads to."""
-    return tuple(prospect.some.values())
 
 
 @dataclass
@@ -277,7 +283,7 @@ class GuidedPlanner:
         while True:
             self._check_time()
             if len(choices) < len(states):
-                if not any(self._goal.positive().values()):
+                if not self._goal.any():
                     return ([m.step for m in moves], states, [m.abstract for m in moves]), failure, backtracks
                 choices.append(self._expand(states[-1], self._hints.pop(len(choices), ("", ()))))
             following = next(choices[-1], None)
@@ -287,7 +293,7 @@ class GuidedPlanner:
                 if self._wish and self._wish[0][:2] == (following.step.schema, following.known):
                     self._wish = None
                 states.append(following.successor)
-                self._change(following.added, following.deleted, following.prospect)
+                self._change(following.added, following.deleted, following.outlook)
                 continue
             if len(states) > deepest:
                 deepest = len(states)
@@ -339,10 +345,11 @@ class GuidedPlanner:
         """Whether a step would have the abstract effect."""
         return self._accept(here, *self._changes(phases, known), action, known) is not None
 
-    def _change(self, added: list[Fact], deleted: list[Fact], prospect: Prospect | None = None) -> None:
+    def _change(self, added: list[Fact], deleted: list[Fact], outlook: _Outlook | None = None) -> None:
         self._situation.change(added, deleted)
-        self._values.change(added, deleted, prospect)
-        self._goal.change(added, deleted)
+        values, unmet = (outlook.values, outlook.unmet) if outlook else (None, None)
+        self._values.change(added, deleted, values)
+        self._goal.change(added, deleted, unmet)
 
     def _reason(self, state: State) -> str:
         values = self._values.counts()
@@ -375,7 +382,7 @@ class GuidedPlanner:
                 for move in self._moves(self._phases(name, action.name), action, here, first):
                     found = True
                     yield move
-                    here.dead.add(_outcome(move.prospect))
+                    here.dead.add(move.outlook.abstract)
                     self._here = here  # meanwhile other states were expanded
             if found or not here.short:
                 return
@@ -390,18 +397,18 @@ class GuidedPlanner:
             successor = (state - frozenset(deleted)) | frozenset(added)
             if successor in here.tried or successor in self._visited:
                 continue
-            prospect = self._accept(here, added, deleted, action, known)
-            if prospect is None:
+            outlook = self._accept(here, added, deleted, action, known)
+            if outlook is None:
                 here.tried.add(successor)
                 phases.failed.add(known)
                 continue
-            if _outcome(prospect) in here.dead and known not in postponed:
+            if outlook.abstract in here.dead and known not in postponed:
                 postponed.append(known)
             elif self._in_the_way(added, deleted):
                 continue
             elif args := next(phases.late.solutions(known), None):
                 here.tried.add(successor)
-                yield _Move(Step(schema.name, args), known, action.name, added, deleted, prospect, successor)
+                yield _Move(Step(schema.name, args), known, action.name, added, deleted, outlook, successor)
             else:
                 phases.failed.add(known)
 
@@ -432,16 +439,23 @@ class GuidedPlanner:
 
     def _accept(
         self, here: _Expansion, added: list[Fact], deleted: list[Fact], action: AbstractAction, known: Args
-    ) -> Prospect | None:
-        """Where a step leads, if it has the abstract effect and the policy has a rule there."""
-        prospect = Prospect()
-        for name, change in self._values.peek(added, deleted, prospect):
-            if action.effects.get(name) != effect_of(self.kinds[name], *change):
+    ) -> _Outlook | None:
+        """Where a step leads, if it has the abstract effect and ends at a goal or where the policy has a rule."""
+        outlook = _Outlook()
+        changes: dict[str, Change] = {}
+        for name, change in self._values.peek(added, deleted, outlook.values):
+            kind = self.kinds[name]
+            after = kind == "boolean" and change.after  # of the others, the sign is enough
+            if action.effects.get(name) != effect_of(kind, change.before, after, change.sign):
                 self._learn(here, name, known)
                 return None
-        unmet = (change.after for _, change in self._goal.peek(added, deleted, Prospect()))
-        if self.policy.rule_for(prospect.some) or not any(unmet):
-            return prospect
+            changes[name] = change
+        if not self._goal.any_after(added, deleted, outlook.unmet):
+            return outlook
+        abstract = {name: change.after for name, change in changes.items()}
+        if self.policy.rule_for(abstract):
+            outlook.abstract = tuple(abstract.values())
+            return outlook
         if here.state not in self._strays:
             self._change(added, deleted)
             self._strays[here.state] = self._values.counts()

@@ -12,8 +12,9 @@ only as many tuples are looked at as the answer needs: one that satisfies the fo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -29,20 +30,25 @@ Toggles = dict[str, list[Args]]
 
 @dataclass
 class Prospect:
-    """What a change of the state will do to the formulas, and whether anything will satisfy them then."""
+    """What a change of the state will do to the formulas, and, as far as asked, whether anything will satisfy them."""
 
     toggles: Toggles = field(default_factory=dict)
     some: dict[str, bool] = field(default_factory=dict)
 
 
 class Change(NamedTuple):
-    """What a change of the state does to a formula: whether anything satisfies it before and after, and the sign of
-    the change of their number.
+    """What a change of the state does to a formula: whether anything satisfies it before, the sign of the change of
+    their number, and a function that looks whether anything satisfies it after, to be asked before the change.
     """
 
     before: bool
-    after: bool
     sign: int
+    look: Callable[[], bool]
+
+    @property
+    def after(self) -> bool:
+        """Whether anything will satisfy the formula."""
+        return self.look()
 
 
 @dataclass
@@ -142,24 +148,39 @@ class Watches:
         self._sync()
         return {name: self._positive(name) for name in self._names}
 
+    def any(self) -> bool:
+        """Whether anything satisfies any of the formulas at present."""
+        self._sync()
+        return any(map(self._positive, self._watches))
+
     def peek(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> Iterator[tuple[str, Change]]:
         """What a change of the state would do, formula by formula, those without tests first.
 
-        `prospect` gets what `change` may be given if the change is made, once all formulas have been asked for.
+        `prospect` gets what `change` may be given if the change is made.
         """
-        self._sync()
-        self.situation.change(added, deleted)
-        prospect.toggles = self._affected(added, deleted)
+        self._foresee(added, deleted, prospect)
         self.situation.change(deleted, added)
         for name, watch in self._watches.items():
+            look = partial(self._after, name, added, deleted, prospect)
             if watch.lazy:
-                change = self._change_of(name, added, deleted)
+                yield name, self._change_of(name, added, deleted, prospect, look)
             else:
                 rows = prospect.toggles.get(name, ())
-                size, difference = len(watch.members), sum(-1 if row in watch.members else 1 for row in rows)
-                change = Change(size > 0, size + difference > 0, _sign(difference))
-            prospect.some[name] = change.after
-            yield name, change
+                difference = sum(-1 if row in watch.members else 1 for row in rows)
+                yield name, Change(bool(watch.members), _sign(difference), look)
+
+    def any_after(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> bool:
+        """Whether anything would satisfy any of the formulas after a change of the state; `prospect` as in `peek`."""
+        self._foresee(added, deleted, prospect)
+        try:
+            for name, watch in self._watches.items():
+                if watch.lazy:
+                    prospect.some[name] = watch.found()
+                if prospect.some[name]:
+                    return True
+            return False
+        finally:
+            self.situation.change(deleted, added)
 
     def change(self, added: list[Fact], deleted: list[Fact], prospect: Prospect | None = None) -> None:
         """Follow the situation, which has just been changed; `prospect` is what `peek` said of this change."""
@@ -193,7 +214,27 @@ class Watches:
             self._some[name] = watch.found()
         return self._some[name]
 
-    def _change_of(self, name: str, added: list[Fact], deleted: list[Fact]) -> Change:
+    def _foresee(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> None:
+        """Change the state, and find out what that does to the formulas without tests."""
+        self._sync()
+        self.situation.change(added, deleted)
+        prospect.toggles = self._affected(added, deleted)
+        for name, watch in self._watches.items():
+            if not watch.lazy:
+                moved = prospect.toggles.get(name, ())
+                prospect.some[name] = any(row not in watch.members for row in moved) or len(watch.members) > len(moved)
+
+    def _after(self, name: str, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> bool:
+        """Whether anything would satisfy a formula after a change."""
+        if name not in prospect.some:
+            self.situation.change(added, deleted)
+            prospect.some[name] = self._watches[name].found()
+            self.situation.change(deleted, added)
+        return prospect.some[name]
+
+    def _change_of(
+        self, name: str, added: list[Fact], deleted: list[Fact], prospect: Prospect, look: Callable[[], bool]
+    ) -> Change:
         """What a change would do to a lazy formula."""
         watch, before = self._watches[name], self._positive(name)
         losses = self._leaving(watch, added, deleted, False)
@@ -204,11 +245,12 @@ class Watches:
         if gain and loss:
             more = sum(1 for _ in gains)
             self.situation.change(deleted, added)
-            sign = _sign(more - sum(1 for _ in losses))
-            return Change(before, True, sign)
-        after = gain or (watch.found() if loss else before)
+            prospect.some[name] = True
+            return Change(before, _sign(more - sum(1 for _ in losses)), look)
         self.situation.change(deleted, added)
-        return Change(before, after, gain - loss)
+        if gain or not loss:
+            prospect.some[name] = gain or before
+        return Change(before, gain - loss, look)
 
     def _leaving(self, watch: _Watch, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
         """Tuples that satisfy a lazy formula in the present state and not after a change (`all_do`: nothing does)."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from gentamp_lp.errors import Diagnostic, InputError
@@ -83,12 +84,12 @@ class Domain:
     supertypes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # every type -> the types above it
     facts: tuple[tuple[str, ...], ...] = ()  # the types of constants
 
-    @property
+    @cached_property
     def fluents(self) -> frozenset[str]:
         """Predicates that some action changes."""
         return frozenset(e.atom.predicate for a in self.actions for e in a.effects)
 
-    @property
+    @cached_property
     def derived(self) -> frozenset[str]:
         """Predicates that some axiom defines."""
         return frozenset(axiom.head.predicate for axiom in self.axioms)

@@ -106,9 +106,10 @@ class Query:
 
     def _compile(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> tuple[Test, Loop | None]:
         """A test of all that is decided, and a loop over the rest (None when nothing is left)."""
-        goals = [part for goal in goals for part in self._flat(goal, bound)]
-        decided = [goal for goal in goals if goal.free <= bound]
-        rest = [goal for goal in goals if goal not in decided]
+        decided: list[Formula] = []
+        rest: list[Formula] = []
+        for goal in goals:
+            self._divide(goal, bound, decided, rest)
         decided.sort(key=self._price)
         tests = [self._remembering(goal, bound) for goal in decided]
         loop: Loop | None = None
@@ -122,14 +123,17 @@ class Query:
             loop = _each(self._everything(min(wanted - bound), [], bound, wanted))
         return _all(tests), loop
 
-    def _flat(self, goal: Formula, bound: frozenset[str]) -> Iterator[Formula]:
+    def _divide(self, goal: Formula, bound: frozenset[str], decided: list[Formula], rest: list[Formula]) -> None:
+        """Conjuncts whose variables are bound go to one list, the others to another."""
         if isinstance(goal, And):
             for part in goal.parts:
-                yield from self._flat(part, bound)
-        elif isinstance(goal, Exists) and not goal.free <= bound:
-            yield from self._flat(goal.body, bound)
+                self._divide(part, bound, decided, rest)
+        elif goal.free <= bound:
+            decided.append(goal)
+        elif isinstance(goal, Exists):
+            self._divide(goal.body, bound, decided, rest)
         else:
-            yield goal
+            rest.append(goal)
 
     def _price(self, goal: Formula) -> int:
         """Of decided conjuncts, what is looked up comes before what is computed, and that before tests."""

@@ -68,11 +68,10 @@ class Program:
                 graph.add_edge(axiom.head.predicate, predicate, negative=negative or weak)
         recursive: dict[str, frozenset[str]] = {}
         for component in nx.strongly_connected_components(graph):
-            inner = graph.subgraph(component)
-            if inner.number_of_edges() == 0:
+            if len(component) == 1 and not graph.has_edge(*component, *component):
                 continue
             recursive.update(dict.fromkeys(component, frozenset(component)))
-            for head, _, negative in inner.edges(data="negative"):
+            for head, _, negative in graph.subgraph(component).edges(data="negative"):
                 if negative:
                     line = table[head][0].line
                     raise InputError(

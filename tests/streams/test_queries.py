@@ -133,21 +133,25 @@ def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
             added, deleted = situation.effects(DOMAIN.action(step.schema), step.args)
             assert (states[-1] - set(deleted)) | set(added) == successor
             assert not set(added) & states[-1] and set(deleted) <= states[-1]
-            prospect = Prospect()
+            prospects = [Prospect(), Prospect(), None]
             here, there = expected(states[-1]), expected(successor)
-            for name, change in watches.peek(added, deleted, prospect):
-                sign = (there[name] > here[name]) - (there[name] < here[name])
-                assert change == (here[name] > 0, there[name] > 0, sign)
+            for name, change in dict(watches.peek(added, deleted, prospects[0])).items():
+                assert change.before == (here[name] > 0)
+                assert change.sign == (there[name] > here[name]) - (there[name] < here[name])
+                if number % 2:
+                    assert change.after == (there[name] > 0)
+            assert watches.any_after(added, deleted, prospects[1]) == any(there.values())
             assert situation.state() == states[-1] and watches.counts() == here
             if number % 7 == 0:  # as the streams of a step do
                 inputs = structure.base.inputs(STREAMS[0])
                 structure.base.draw(STREAMS[0], inputs[number % len(inputs)])
             situation.change(added, deleted)
-            watches.change(added, deleted, prospect if number % 2 else None)
+            watches.change(added, deleted, prospects[number % 3])
             states.append(successor)
             done.append((added, deleted))
         assert situation.state() == states[-1]
         counts = expected(states[-1])
+        assert watches.any() == any(counts.values())
         assert watches.positive() == {name: count > 0 for name, count in counts.items()}
         assert watches.counts() == counts
 
@@ -204,6 +208,26 @@ def test_what_is_undone_leaves_no_trace_in_the_order():
     situation.change(facts[1:2], [])  # not the last change: it comes as new
     assert list(query.solutions()) == [("b",), ("a",)]
     assert len({stamp, other, situation.stamp()}) == 3
+
+
+@pytest.mark.parametrize("tested", [False, True])
+def test_new_facts_of_known_entities_are_noticed(tested):
+    """Also when they come between what was foreseen and the change."""
+    base = FactBase(DOMAIN, STREAMS, {"test": from_test(lambda x, y: True)}, {n: n for n in NAMES})
+    for name in NAMES:
+        base.add(("e", name))
+    body = And((Atom("made", ("?x", "?y")), Atom("t", ("?x", "?y")) if tested else Atom("e", ("?y",))))
+    situation = Situation(PROGRAM, base, frozenset({("p", "a")}))
+    watches = Watches(situation, [Axiom(Atom("w", ("?x", "?y")), body)])
+    assert watches.counts() == {"w": 0} and not watches.any()
+    base.add(("made", "a", "b"))
+    assert watches.any() and watches.counts() == {"w": 1}
+    added, deleted, prospect = [("p", "b")], [("p", "a")], Prospect()
+    assert watches.any_after(added, deleted, prospect)
+    base.add(("made", "b", "c"))
+    situation.change(added, deleted)
+    watches.change(added, deleted, prospect)
+    assert watches.counts() == {"w": 2}
 
 
 def test_unfolding_leaves_recursive_predicates_only():
