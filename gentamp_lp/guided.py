@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from itertools import chain
@@ -67,6 +67,7 @@ class _Phases:
         self.known = tuple(p for p in schema.parameters if p in early.free)
         self.early: Query = situation.query(early, (), self.known, lazy=True)
         self.allows: Query = situation.query(early, self.known)
+        self.narrowed = cache(lambda more: situation.query(And((more, *early.parts)), (), self.known, lazy=True))
         self._wishes = partial(Wishes, schema.name, early.parts, late, self.known, schema.parameters, situation)
         self.failed: set[Args] = set()  # values of `known` that were no use in some state
         self.late: Query = situation.query(And(late), self.known, schema.parameters, lazy=True)
@@ -183,6 +184,9 @@ class GuidedPlanner:
         self.program = Program.of(domain, self.features.axioms)
         self.kinds = {f.name: f.kind for f in policy.features}
         self.actions = {a.name: a for a in policy.actions}
+        self._open = {  # abstract states whose action may end at a goal or not
+            r.valuation for r in policy.rules if len({o in policy.goals for o in r.outcomes}) == 2
+        }
         self._round = 1  # multiple of the task's sampling limits
         self._here = _Expansion()  # that of the generator that runs at present
         self._deadline = 0.0
@@ -378,8 +382,10 @@ class GuidedPlanner:
             here.short = False
             for name in action.schemas:
                 self._here = here
-                first = hint[1] if hint[0] == name else ()
-                for move in self._moves(self._phases(name, action.name), action, here, first):
+                phases = self._phases(name, action.name)
+                first = [hint[1]] if hint[0] == name and phases.allows.holds(hint[1]) else []
+                last = self._last_steps(phases) if rule.valuation in self._open else ()
+                for move in self._moves(phases, action, here, chain(first, last)):
                     found = True
                     yield move
                     here.dead.add(move.outlook.abstract)
@@ -387,11 +393,20 @@ class GuidedPlanner:
             if found or not here.short:
                 return
 
-    def _moves(self, phases: _Phases, action: AbstractAction, here: _Expansion, first: Args) -> Iterator[_Move]:
+    def _last_steps(self, phases: _Phases) -> Iterator[Args]:
+        """Bindings with which a step ends at a goal, where one thing is missing."""
+        missing = self._goal.single()
+        if missing is not None:
+            for known in phases.narrowed(self._goal.puts_out(missing, phases.schema)).solutions():
+                if not self._goal.any_after(*self._changes(phases, known), Prospect()):
+                    yield known
+
+    def _moves(
+        self, phases: _Phases, action: AbstractAction, here: _Expansion, first: Iterable[Args]
+    ) -> Iterator[_Move]:
         schema, state = phases.schema, here.state
         postponed: list[Args] = []  # for the others lead elsewhere than where nothing was found
-        hinted = [first] if first and phases.allows.holds(first) else []
-        for known in chain(hinted, self._in_order(phases), postponed):
+        for known in chain(first, self._in_order(phases), postponed):
             self._check_time()
             added, deleted = self._changes(phases, known)
             successor = (state - frozenset(deleted)) | frozenset(added)

@@ -19,7 +19,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
-from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or, atoms, conjuncts
+from gentamp_lp.streams.formula import TRUE, And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, substitute
 from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import reads
@@ -55,7 +55,8 @@ class Change(NamedTuple):
 class _Watch:
     """One formula, the queries for its extension and for one tuple, and where changing facts stand in it.
 
-    `near` has, for a predicate, each occurrence: whether a new fact lets tuples in, and which tuples it concerns.
+    `near` has, for a predicate, each occurrence: whether a new fact lets tuples in, what has to hold beside it,
+    and which tuples it concerns.
     """
 
     variables: Args
@@ -63,7 +64,7 @@ class _Watch:
     member: Query
     lazy: bool
     recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
-    near: dict[str, list[tuple[bool, Atom, Query]]] = field(default_factory=dict)
+    near: dict[str, list[tuple[bool, Atom, Formula, Query]]] = field(default_factory=dict)
     growing: set[str] = field(default_factory=set)  # predicates it reads to which streams may add
     members: dict[Args, None] = field(default_factory=dict)  # unless lazy
     seen: deque[Args] = field(default_factory=lambda: deque(maxlen=3))  # of a lazy one: tuples that satisfied it
@@ -72,7 +73,7 @@ class _Watch:
         """Tuples that may enter (or else leave) by a change, with repetitions."""
         for new, facts in ((True, added), (False, deleted)):
             for fact in facts:
-                for lets_in, atom, query in self.near.get(fact[0], ()):
+                for lets_in, atom, _, query in self.near.get(fact[0], ()):
                     if (lets_in == new) == entering:
                         binding = match(atom.args, fact[1:], {})
                         if binding is not None:
@@ -124,7 +125,7 @@ class Watches:
                     rest = (part for part in conjuncts(body) if part not in guards and not self._tests(part))
                     guards = (*guards, *rest)
                 query = situation.query(And(guards), names, variables)
-                watch.near.setdefault(atom.predicate, []).append((positive, atom, query))
+                watch.near.setdefault(atom.predicate, []).append((positive, atom, And(guards), query))
             if not tested and self._samples(atom, beside):
                 always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
                 own = tuple(part for part in always if part.free <= set(names))
@@ -195,13 +196,36 @@ class Watches:
         watch = self._watches[name]
         found: set[Args] = set()
         for effect in schema.effects:
-            for lets_in, atom, _ in watch.near.get(effect.atom.predicate, ()):
+            for lets_in, atom, _, _ in watch.near.get(effect.atom.predicate, ()):
                 if (lets_in == effect.positive) == entering:
                     at = dict(zip(atom.args, effect.atom.args, strict=True))
                     if watch.recursive or effect.variables or not at.keys() >= set(watch.variables):
                         return None
                     found.add(tuple(at[variable] for variable in watch.variables))
         return None if watch.recursive else found
+
+    def single(self) -> str | None:
+        """The formula without tests that one tuple satisfies at present, if nothing else satisfies any of these."""
+        self._sync()
+        sizes = {name: len(watch.members) for name, watch in self._watches.items() if watch.members}
+        return next(iter(sizes)) if sum(sizes.values()) == 1 else None
+
+    def puts_out(self, name: str, schema: ActionSchema) -> Formula:
+        """What has to hold of an action's parameters if it makes a tuple leave the extension of a formula."""
+        watch = self._watches[name]
+        if watch.recursive:
+            return TRUE
+        cases: list[Formula] = []
+        for effect in schema.effects:
+            for lets_in, atom, guards, _ in watch.near.get(effect.atom.predicate, ()):
+                if lets_in != effect.positive:
+                    pairs = tuple(zip(atom.args, effect.atom.args, strict=True))
+                    at = {variable: arg for variable, arg in pairs if variable.startswith("?")}
+                    same = (Atom("=", pair) for pair in pairs)
+                    others = {variable: f"{variable}#" for variable in sorted(guards.free - at.keys())}
+                    case = substitute(And((*same, guards)), {**others, **at})
+                    cases.append(Exists((*others.values(), *effect.variables), case))
+        return Or(tuple(cases))
 
     def _count(self, watch: _Watch) -> int:
         return len(set(watch.everything.solutions())) if watch.lazy else len(watch.members)

@@ -206,6 +206,15 @@ def test_only_what_is_in_the_way_is_looked_at() -> None:
     assert instance.base.statistics["sample-grasp"].calls <= 2 * picks < 16
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_that_ends_at_a_goal_is_tried_first(seed: int) -> None:
+    """The policy's "pick" may be of a thing or of the tray: it is of the tray when that is all that is missing."""
+    instance = Task.load("load").instance("2-5", seed)
+    result = GuidedPlanner(Policy.load(POLICIES / "load"), instance).solve(time_limit=60)
+    assert result.backtracks == 0
+    assert [step.schema for step in result.steps] == ["pick", "place", "pick", "place", "pick"]
+
+
 def test_steps_back_are_not_evaluated(unstack: Learned, monkeypatch) -> None:
     """What was put down last is the first candidate; to pick it up again leads nowhere new, and says nothing more."""
     instance = Task.load("unstack").instance("8", 0, robot="gripper")

@@ -264,9 +264,11 @@ def test_what_moves_by_an_action_is_told_from_its_parameters(bodies, structure):
         for step in applicable(view):
             after = extension(structure, body, axiom.head.args, apply(view, step))
             schema = DOMAIN.action(step.schema)
+            binding = dict(zip(schema.parameters, step.args, strict=True))
+            if before - after:
+                assert view.holds(watches.puts_out(axiom.head.predicate, schema), binding)
             for entering, moved in ((True, after - before), (False, before - after)):
                 rows = watches.moved_by(axiom.head.predicate, schema, entering)
-                binding = dict(zip(schema.parameters, step.args, strict=True))
                 assert rows is None or moved <= {tuple(binding.get(a, a) for a in row) for row in rows}
 
 
