@@ -10,7 +10,6 @@ import platform
 import resource
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
@@ -21,7 +20,7 @@ from statistics import mean, median, stdev
 from scipy.stats import t as student
 
 from gentamp_lp import __version__
-from gentamp_lp.children import start
+from gentamp_lp.children import module, start
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.files import write_text, writing
 from gentamp_lp.inputs import read_text
@@ -105,13 +104,13 @@ NAMES = [field.name for field in fields(Row)]
 
 def run_job(job: Job) -> Row:
     """Make one run in a process of its own, with 4 GB of memory and one thread."""
-    command = [
-        sys.executable, "-m", "gentamp_lp", "solve", job.task, "--size", job.size, "--seed", str(job.seed),
+    words = [
+        "solve", job.task, "--size", job.size, "--seed", str(job.seed),
         *MODES[job.mode], "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
     ]  # fmt: skip
-    command += ["--robot", job.robot] if job.robot else []
+    words += ["--robot", job.robot] if job.robot else []
     process = start(
-        command,
+        module("gentamp_lp", *words),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, **dict.fromkeys(_THREADS, "1"), "NO_COLOR": "1"},
@@ -127,7 +126,7 @@ def run_job(job: Job) -> Row:
         process.kill()
         _running.discard(process)
     if process.returncode == InputError.exit_code:
-        raise InputError(Diagnostic(f"`{' '.join(command[2:])}` failed: {errors.strip()}"))
+        raise InputError(Diagnostic(f"`gentamp-lp {' '.join(words)}` failed: {errors.strip()}"))
     report = json.loads(output) if output else {}
     problems = "; ".join(report.get("problems", ()))
     reason = report.get("reason") or problems or ("" if report else " ".join(errors.split())[-300:])

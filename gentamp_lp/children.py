@@ -1,10 +1,11 @@
-"""Processes that end with the one that started them."""
+"""Processes that end with the one that started them, and Python processes that import what this one does."""
 
 from __future__ import annotations
 
 import ctypes
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,16 @@ def start(command: list[str], prepare: Callable[[], None] = lambda: None, **opti
         return subprocess.Popen(command, text=True, preexec_fn=child, **options)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def python(code: str, *arguments: str) -> list[str]:
+    """The command that runs code where modules are found as they are here, whatever is in the working directory."""
+    return [sys.executable, "-P", "-c", f"import sys; sys.path[:] = {sys.path!r}; {code}", *arguments]
+
+
+def module(name: str, *arguments: str) -> list[str]:
+    """The same for a module, as `python -m` runs it."""
+    return python(f"import runpy; runpy.run_module({name!r}, run_name='__main__', alter_sys=True)", *arguments)
 
 
 def die_with_parent() -> None:

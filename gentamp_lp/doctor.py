@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
+from gentamp_lp.children import python
 from gentamp_lp.errors import InputError
 from gentamp_lp.resources import resource
 from gentamp_lp.streams.downward import binary
@@ -64,7 +65,7 @@ def _swipl() -> Finding:
 def _bridge() -> Finding:
     """Load the Prolog library in a process of its own: a broken one can end the process that tries."""
     code = "from gentamp_lp.prolog import Prolog; print(Prolog().text('current_prolog_flag(version, V), write(V)'))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    run = subprocess.run(python(code), capture_output=True, text=True, check=False)
     last = (run.stdout if run.returncode == 0 else run.stderr).strip().splitlines()[-1:] or ["no answer"]
     remedy = "set LIBSWIPL_PATH and SWI_HOME_DIR to the library and home that `swipl --dump-runtime-variables` prints"
     return Finding("libswipl through pyswip", run.returncode == 0, last[0].strip(), remedy)

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gentamp_lp.children import die_with_parent
+from gentamp_lp.children import die_with_parent, module
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
 from gentamp_lp.resources import resource
 
@@ -104,7 +104,7 @@ class PrologProcess:
     def __init__(self, memory_mb: int = 4096) -> None:
         self._complaints = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115 (closed with the child)
         self._child = subprocess.Popen(
-            [sys.executable, "-m", __name__, str(memory_mb)],
+            module(__name__, str(memory_mb)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._complaints,

@@ -109,3 +109,20 @@ def test_the_wheel_works_in_an_empty_folder(unpacked, tmp_path):
     assert "optimal" in run("learn", "unstack", "--no-cache").stdout
     assert "valid" in run("solve", "unstack", "--size", "3", "--seed", "1").stdout
     assert {path.name for path in tmp_path.iterdir()} == {"runs"}
+
+
+def test_the_wheel_works_in_a_checkout(unpacked, tmp_path):
+    """Its child processes import it, too, not the package in the working directory."""
+    environment = {**os.environ, "PYTHONPATH": str(unpacked)}
+    start = "from gentamp_lp.cli import main; main()"
+
+    def run(*args):
+        command = [sys.executable, "-P", "-c", start, *args]
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+
+    learned = run("learn", "tasks/unstack.yaml", "--no-cache", "--out", str(tmp_path / "unstack"))
+    assert learned.returncode == 0 and "optimal" in learned.stdout, learned.stderr
+    assert str(ROOT / "logic") not in run("doctor").stdout
+    bench = ("bench", "unstack", "--sizes", "2", "--seeds", "1", "--modes", "guided", "--policies", str(tmp_path))
+    done = run(*bench, "--out", str(tmp_path / "bench"))
+    assert done.returncode == 0, done.stderr
