@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from itertools import chain
@@ -39,7 +39,7 @@ from gentamp_lp.streams.queries import Query, Situation
 from gentamp_lp.streams.semantics import Program, State, Step, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.task import Instance
-from gentamp_lp.watches import Change, Prospect, Watches
+from gentamp_lp.watches import Prospect, Watches
 
 _BACKTRACKS = 30  # per round, doubled every round
 _MOVES = 15  # how often one thing is put elsewhere by repairs, per round
@@ -457,17 +457,17 @@ class GuidedPlanner:
     ) -> _Outlook | None:
         """Where a step leads, if it has the abstract effect and ends at a goal or where the policy has a rule."""
         outlook = _Outlook()
-        changes: dict[str, Change] = {}
+        looks: dict[str, Callable[[], bool]] = {}
         for name, change in self._values.peek(added, deleted, outlook.values):
             kind = self.kinds[name]
-            after = kind == "boolean" and change.after  # of the others, the sign is enough
+            after = kind == "boolean" and change.after()  # of the others, the sign is enough
             if action.effects.get(name) != effect_of(kind, change.before, after, change.sign):
                 self._learn(here, name, known)
                 return None
-            changes[name] = change
+            looks[name] = change.after
         if not self._goal.any_after(added, deleted, outlook.unmet):
             return outlook
-        abstract = {name: change.after for name, change in changes.items()}
+        abstract = {name: look() for name, look in looks.items()}
         if self.policy.rule_for(abstract):
             outlook.abstract = tuple(abstract.values())
             return outlook

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
 from gentamp_lp.streams.formula import TRUE, And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, substitute
-from gentamp_lp.streams.pddl import ActionSchema, Axiom
+from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
 from gentamp_lp.streams.queries import Query, Situation, unfold
 from gentamp_lp.streams.semantics import reads
 
@@ -30,7 +30,9 @@ Toggles = dict[str, list[Args]]
 
 @dataclass
 class Prospect:
-    """What a change of the state will do to the formulas, and, as far as asked, whether anything will satisfy them."""
+    """What a change of the state will do to the formulas without tests, and, as far as asked, whether anything will
+    satisfy the others.
+    """
 
     toggles: Toggles = field(default_factory=dict)
     some: dict[str, bool] = field(default_factory=dict)
@@ -43,28 +45,30 @@ class Change(NamedTuple):
 
     before: bool
     sign: int
-    look: Callable[[], bool]
+    after: Callable[[], bool]
 
-    @property
-    def after(self) -> bool:
-        """Whether anything will satisfy the formula."""
-        return self.look()
+
+class _Occurrence(NamedTuple):
+    """Where changing facts stand in a formula: whether a new one lets tuples in, what else has to hold for it to
+    matter, and which tuples it concerns.
+    """
+
+    lets_in: bool
+    atom: Atom
+    guards: Formula
+    concerned: Query
 
 
 @dataclass
 class _Watch:
-    """One formula, the queries for its extension and for one tuple, and where changing facts stand in it.
-
-    `near` has, for a predicate, each occurrence: whether a new fact lets tuples in, what has to hold beside it,
-    and which tuples it concerns.
-    """
+    """One formula, the queries for its extension and for one tuple, and the occurrences of each changing predicate."""
 
     variables: Args
     everything: Query
     member: Query
     lazy: bool
     recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
-    near: dict[str, list[tuple[bool, Atom, Formula, Query]]] = field(default_factory=dict)
+    near: dict[str, list[_Occurrence]] = field(default_factory=dict)
     growing: set[str] = field(default_factory=set)  # predicates it reads to which streams may add
     members: dict[Args, None] = field(default_factory=dict)  # unless lazy
     seen: deque[Args] = field(default_factory=lambda: deque(maxlen=3))  # of a lazy one: tuples that satisfied it
@@ -125,7 +129,7 @@ class Watches:
                     rest = (part for part in conjuncts(body) if part not in guards and not self._tests(part))
                     guards = (*guards, *rest)
                 query = situation.query(And(guards), names, variables)
-                watch.near.setdefault(atom.predicate, []).append((positive, atom, And(guards), query))
+                watch.near.setdefault(atom.predicate, []).append(_Occurrence(positive, atom, And(guards), query))
             if not tested and self._samples(atom, beside):
                 always = (part for part in beside if self._lasts(part, True) and not self._tests(part))
                 own = tuple(part for part in always if part.free <= set(names))
@@ -160,31 +164,21 @@ class Watches:
         `prospect` gets what `change` may be given if the change is made.
         """
         self._foresee(added, deleted, prospect)
-        self.situation.change(deleted, added)
         for name, watch in self._watches.items():
-            look = partial(self._after, name, added, deleted, prospect)
             if watch.lazy:
-                yield name, self._change_of(name, added, deleted, prospect, look)
+                before, sign = self._change_of(name, added, deleted, prospect)
             else:
                 rows = prospect.toggles.get(name, ())
-                difference = sum(-1 if row in watch.members else 1 for row in rows)
-                yield name, Change(bool(watch.members), _sign(difference), look)
+                before, sign = bool(watch.members), _sign(sum(-1 if row in watch.members else 1 for row in rows))
+            yield name, Change(before, sign, partial(self._after, name, added, deleted, prospect))
 
     def any_after(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> bool:
         """Whether anything would satisfy any of the formulas after a change of the state; `prospect` as in `peek`."""
         self._foresee(added, deleted, prospect)
-        try:
-            for name, watch in self._watches.items():
-                if watch.lazy:
-                    prospect.some[name] = watch.found()
-                if prospect.some[name]:
-                    return True
-            return False
-        finally:
-            self.situation.change(deleted, added)
+        return any(self._after(name, added, deleted, prospect) for name in self._watches)
 
     def change(self, added: list[Fact], deleted: list[Fact], prospect: Prospect | None = None) -> None:
-        """Follow the situation, which has just been changed; `prospect` is what `peek` said of this change."""
+        """Follow the situation, which has just been changed; `prospect` is what was foretold of this change."""
         self._some = {} if prospect is None else dict(prospect.some)
         self._toggle(self._affected(added, deleted) if prospect is None else prospect.toggles)
 
@@ -195,13 +189,11 @@ class Watches:
         """
         watch = self._watches[name]
         found: set[Args] = set()
-        for effect in schema.effects:
-            for lets_in, atom, _, _ in watch.near.get(effect.atom.predicate, ()):
-                if (lets_in == effect.positive) == entering:
-                    at = dict(zip(atom.args, effect.atom.args, strict=True))
-                    if watch.recursive or effect.variables or not at.keys() >= set(watch.variables):
-                        return None
-                    found.add(tuple(at[variable] for variable in watch.variables))
+        for effect, occurrence in self._moving(watch, schema, entering):
+            at = dict(zip(occurrence.atom.args, effect.atom.args, strict=True))
+            if effect.variables or not at.keys() >= set(watch.variables):
+                return None
+            found.add(tuple(at[variable] for variable in watch.variables))
         return None if watch.recursive else found
 
     def single(self) -> str | None:
@@ -216,16 +208,21 @@ class Watches:
         if watch.recursive:
             return TRUE
         cases: list[Formula] = []
-        for effect in schema.effects:
-            for lets_in, atom, guards, _ in watch.near.get(effect.atom.predicate, ()):
-                if lets_in != effect.positive:
-                    pairs = tuple(zip(atom.args, effect.atom.args, strict=True))
-                    at = {variable: arg for variable, arg in pairs if variable.startswith("?")}
-                    same = (Atom("=", pair) for pair in pairs)
-                    others = {variable: f"{variable}#" for variable in sorted(guards.free - at.keys())}
-                    case = substitute(And((*same, guards)), {**others, **at})
-                    cases.append(Exists((*others.values(), *effect.variables), case))
+        for effect, occurrence in self._moving(watch, schema, False):
+            pairs = tuple(zip(occurrence.atom.args, effect.atom.args, strict=True))
+            at = {variable: arg for variable, arg in pairs if variable.startswith("?")}
+            same = (Atom("=", pair) for pair in pairs)
+            others = {variable: f"{variable}#" for variable in sorted(occurrence.guards.free - at.keys())}
+            case = substitute(And((*same, occurrence.guards)), {**others, **at})
+            cases.append(Exists((*others.values(), *effect.variables), case))
         return Or(tuple(cases))
+
+    def _moving(self, watch: _Watch, schema: ActionSchema, entering: bool) -> Iterator[tuple[Effect, _Occurrence]]:
+        """An action's effects that can make tuples enter (or leave) the extension of a formula, and where."""
+        for effect in schema.effects:
+            for occurrence in watch.near.get(effect.atom.predicate, ()):
+                if (occurrence.lets_in == effect.positive) == entering:
+                    yield effect, occurrence
 
     def _count(self, watch: _Watch) -> int:
         return len(set(watch.everything.solutions())) if watch.lazy else len(watch.members)
@@ -239,27 +236,26 @@ class Watches:
         return self._some[name]
 
     def _foresee(self, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> None:
-        """Change the state, and find out what that does to the formulas without tests."""
+        """Find out what a change will do to the formulas without tests."""
         self._sync()
         self.situation.change(added, deleted)
         prospect.toggles = self._affected(added, deleted)
-        for name, watch in self._watches.items():
-            if not watch.lazy:
-                moved = prospect.toggles.get(name, ())
-                prospect.some[name] = any(row not in watch.members for row in moved) or len(watch.members) > len(moved)
+        self.situation.change(deleted, added)
 
     def _after(self, name: str, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> bool:
-        """Whether anything would satisfy a formula after a change."""
+        """Whether anything would satisfy a formula after a change that is foreseen."""
+        watch = self._watches[name]
+        if not watch.lazy:
+            moved = prospect.toggles.get(name, ())
+            return len(watch.members) > len(moved) or any(row not in watch.members for row in moved)
         if name not in prospect.some:
             self.situation.change(added, deleted)
-            prospect.some[name] = self._watches[name].found()
+            prospect.some[name] = watch.found()
             self.situation.change(deleted, added)
         return prospect.some[name]
 
-    def _change_of(
-        self, name: str, added: list[Fact], deleted: list[Fact], prospect: Prospect, look: Callable[[], bool]
-    ) -> Change:
-        """What a change would do to a lazy formula."""
+    def _change_of(self, name: str, added: list[Fact], deleted: list[Fact], prospect: Prospect) -> tuple[bool, int]:
+        """Whether anything satisfies a lazy formula, and the sign of what a change would do to the number."""
         watch, before = self._watches[name], self._positive(name)
         losses = self._leaving(watch, added, deleted, False)
         loss = before and next(losses, None) is not None
@@ -270,11 +266,11 @@ class Watches:
             more = sum(1 for _ in gains)
             self.situation.change(deleted, added)
             prospect.some[name] = True
-            return Change(before, _sign(more - sum(1 for _ in losses)), look)
+            return before, _sign(more - sum(1 for _ in losses))
         self.situation.change(deleted, added)
         if gain or not loss:
             prospect.some[name] = gain or before
-        return Change(before, gain - loss, look)
+        return before, gain - loss
 
     def _leaving(self, watch: _Watch, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
         """Tuples that satisfy a lazy formula in the present state and not after a change (`all_do`: nothing does)."""

@@ -139,7 +139,7 @@ def test_watched_extensions_follow_a_random_walk(bodies, structure, walk):
                 assert change.before == (here[name] > 0)
                 assert change.sign == (there[name] > here[name]) - (there[name] < here[name])
                 if number % 2:
-                    assert change.after == (there[name] > 0)
+                    assert change.after() == (there[name] > 0)
             assert watches.any_after(added, deleted, prospects[1]) == any(there.values())
             assert situation.state() == states[-1] and watches.counts() == here
             if number % 7 == 0:  # as the streams of a step do
