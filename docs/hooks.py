@@ -15,8 +15,8 @@ from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
 from typer.cli import get_docs_for_click
 
-from gentamp_lp.cli import app
-from gentamp_lp.formats import FORMATS, schema
+from gentamp_lp.cli.main import app
+from gentamp_lp.cli.schemas import FORMATS, schema
 
 ROOT = Path(__file__).parent.parent
 LINK = re.compile(r"(?<=\]\()(?!https?:)[^)#\s]+(?=[)#])")

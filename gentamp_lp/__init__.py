@@ -12,17 +12,24 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gentamp_lp.base.version import __version__
+
 if TYPE_CHECKING:
-    from gentamp_lp.learning import learn
-    from gentamp_lp.listing import list_features
-    from gentamp_lp.planning import solve
-    from gentamp_lp.policy import Policy
-    from gentamp_lp.task import Task
+    from gentamp_lp.features.listing import list_features
+    from gentamp_lp.learning.learn import learn
+    from gentamp_lp.planning.solve import solve
+    from gentamp_lp.policy.policy import Policy
+    from gentamp_lp.tasks.task import Task
 
-__version__ = "0.1.0"
-__all__ = ["Policy", "Task", "learn", "list_features", "solve"]
+__all__ = ["Policy", "Task", "__version__", "learn", "list_features", "solve"]
 
-_HOMES = {"Policy": "policy", "Task": "task", "learn": "learning", "list_features": "listing", "solve": "planning"}
+_HOMES = {
+    "Policy": "policy.policy",
+    "Task": "tasks.task",
+    "learn": "learning.learn",
+    "list_features": "features.listing",
+    "solve": "planning.solve",
+}
 
 
 def __getattr__(name: str) -> Any:

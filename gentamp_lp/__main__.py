@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Run the command; Ctrl-C ends it quietly while its parts are still being imported, too."""
     try:
-        from gentamp_lp.cli import main as command
+        from gentamp_lp.cli.main import main as command
     except KeyboardInterrupt:
         sys.exit(130)
     command()

@@ -2,8 +2,8 @@
 
 import pytest
 
-from gentamp_lp.learning import Learned, learn
-from gentamp_lp.task import Task
+from gentamp_lp.learning.learn import Learned, learn
+from gentamp_lp.tasks.task import Task
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ import numpy as np
 
 from gentamp_lp.geometry.shapes import Part, Shape
 from gentamp_lp.geometry.transforms import Array
-from gentamp_lp.interrupts import Held
+from gentamp_lp.solvers.interrupts import Held
 
 Geometry: TypeAlias = Any
 """An FCL collision geometry."""

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
+from gentamp_lp.base.reading import read_yaml, validated
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.chain import frame, link_of, motion, origin
 from gentamp_lp.geometry.robots import Link
 from gentamp_lp.geometry.transforms import Array
-from gentamp_lp.inputs import read_yaml, validated
 
 Vector = tuple[float, float, float]
 FOLDER = Path(__file__).parent / "descriptions"

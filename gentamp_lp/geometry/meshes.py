@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import platformdirs
 
+from gentamp_lp.base.writing import replacing
 from gentamp_lp.errors import InputError
-from gentamp_lp.files import replacing
 from gentamp_lp.geometry.shapes import BLUE, Look, Rgba, Shape, hull, tray
 from gentamp_lp.geometry.transforms import Array
 

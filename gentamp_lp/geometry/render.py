@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from gentamp_lp.files import replacing
+from gentamp_lp.base.writing import replacing
 from gentamp_lp.geometry.bullet import Bullet, Camera, Closing
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.playback import State

@@ -23,8 +23,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
-from gentamp_lp.children import start
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
+from gentamp_lp.solvers.processes import start
 from gentamp_lp.streams.facts import Fact, FactBase, bind, match
 from gentamp_lp.streams.formula import (
     And,

@@ -2,7 +2,7 @@
 
 A certificate is one JSON document: the problem's text, the policy graph, and, for conditional fairness, the order
 of SIEVE's deletions. The check reads the problem again and believes nothing else; it shares no code with the
-program, with `solving.py`, or with `gentamp_lp/sieve.py`.
+program, with `solving.py`, or with `gentamp_lp/synthesis/sieve.py`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.inputs import read_json
 from gentamp_lp.synthesis.problem import Problem
 from gentamp_lp.synthesis.reading import Source, parse_problem
 from gentamp_lp.synthesis.solving import Synthesis

@@ -6,8 +6,8 @@ import time
 from collections.abc import Container
 from dataclasses import replace
 
-from gentamp_lp.sieve import Edge, components, short_loops
 from gentamp_lp.synthesis.problem import Choice, Problem
+from gentamp_lp.synthesis.sieve import Edge, components, short_loops
 from gentamp_lp.synthesis.solving import sieve_policy, synthesize
 
 _SECONDS = 2.0  # for finding the initial state at fault

@@ -11,11 +11,11 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from gentamp_lp.asp import Answer, Clause, Outcome, Program
+from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
-from gentamp_lp.resources import resource
-from gentamp_lp.sieve import Cut, Edge, Verdict, short_loops, sieve
+from gentamp_lp.solvers.asp import Answer, Clause, Outcome, Program
 from gentamp_lp.synthesis.problem import Choice, Problem
+from gentamp_lp.synthesis.sieve import Cut, Edge, Verdict, short_loops, sieve
 
 FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
 _LOOPS = 60  # edges of a component through which short loops are looked for

@@ -19,7 +19,7 @@ from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
 from gentamp_lp.streams.pddl import parse_domain, parse_formula
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
-from gentamp_lp.task import Task
+from gentamp_lp.tasks.task import Task
 
 GRID = """(define (domain grid)
   (:predicates (Next ?x ?y) (Gate ?x) (At ?x) (Open ?x) (Dark) (Stuck) (Far ?x ?y))
@@ -195,7 +195,7 @@ def test_the_translator_may_fail_too(folder: Path, monkeypatch: pytest.MonkeyPat
 INTERRUPTED = """
 import sys, tempfile
 from pathlib import Path
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1], sys.argv[1] + "/.."
 tempfile.tempdir = sys.argv[2]
 import test_downward
 from gentamp_lp.streams import downward
@@ -230,7 +230,7 @@ def test_interrupting_leaves_no_child(folder: Path, tmp_path: Path, monkeypatch,
 
 INTERRUPTED_FORK = """
 import os, signal, sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1], sys.argv[1] + "/.."
 import test_downward
 os.register_at_fork(after_in_parent=lambda: os.kill(os.getpid(), signal.SIGINT))
 print(test_downward.run())

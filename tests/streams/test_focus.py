@@ -4,7 +4,7 @@ import itertools
 import re
 
 import pytest
-from tamp import line
+from helpers.tamp import line
 
 from gentamp_lp.streams import And, Exists, Not, PDDLProblem, Result, downward, engine, from_fn, solve
 

@@ -9,12 +9,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from processes import left_alive
+from helpers.processes import left_alive
 
 from gentamp_lp.errors import LimitReached, MemoryLimitReached
 from gentamp_lp.streams import ALGORITHMS, PDDLProblem, from_gen_fn, from_test, solve
 from gentamp_lp.streams.downward import search
-from gentamp_lp.task import Task
+from gentamp_lp.tasks.task import Task
 
 HARD = """(define (domain hard) (:predicates (Item ?i) (Spot ?i ?x) (Big ?x) (On ?i ?x))
   (:action put :parameters (?i ?x) :precondition (and (Spot ?i ?x) (Big ?x)) :effect (On ?i ?x)))"""

@@ -2,8 +2,8 @@
 
 import pytest
 
+from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
-from gentamp_lp.resources import resource
 from gentamp_lp.streams.formula import And, Atom, Exists, Not, normalize, to_pddl
 from gentamp_lp.streams.pddl import parse_domain, parse_formula
 from gentamp_lp.streams.sorts import infer_sorts

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gentamp_lp.planning.feature_changes import Prospect, Watches
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or
 from gentamp_lp.streams.language import from_gen_fn, from_test
@@ -14,7 +15,6 @@ from gentamp_lp.streams.pddl import Axiom, parse_domain
 from gentamp_lp.streams.queries import Situation, unfold
 from gentamp_lp.streams.semantics import Program, Step, View, applicable, apply
 from gentamp_lp.streams.stream_file import parse_streams
-from gentamp_lp.watches import Prospect, Watches
 
 DOMAIN = parse_domain(
     """(define (domain d)

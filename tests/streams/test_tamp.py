@@ -4,7 +4,7 @@ import statistics
 import time
 
 import pytest
-from tamp import Tamp, line, plane
+from helpers.tamp import Tamp, line, plane
 
 from gentamp_lp.streams import from_test, solve
 

@@ -4,7 +4,7 @@ import json
 import random
 
 import pytest
-from problem_brute import random_fond, random_pddl, random_qnp
+from helpers.problem_brute import random_fond, random_pddl, random_qnp
 
 from gentamp_lp.synthesis import synthesize
 from gentamp_lp.synthesis.certificate import certificate, check

@@ -5,8 +5,8 @@ import json
 import random
 
 import pytest
-from problem_brute import random_fond
-from problem_examples import nested
+from helpers.problem_brute import random_fond
+from helpers.problem_examples import nested
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.synthesis import synthesize

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from problem_examples import detours
+from helpers.problem_examples import detours
 
 FOLDER = Path(__file__).parents[2] / "docs" / "examples" / "08-qnp"
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from problem_examples import detours, nested
+from helpers.problem_examples import detours, nested
 
 from gentamp_lp.synthesis import read_problem, synthesize
 from gentamp_lp.synthesis.certificate import certificate, check

@@ -1,0 +1,198 @@
+"""What was seen: states, transitions and feature values, read from facts into bit masks over the pool.
+
+A feature is a bit; the qualitative valuation of a state (Boolean true, count above zero) is one integer, and
+so are the features that a transition raises and those it lowers. Comparing two states over the whole pool is
+then one exclusive or, whatever the size of the pool.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gentamp_lp.base.bitsets import bits, pack
+from gentamp_lp.errors import Diagnostic, InputError
+
+_FACT = re.compile(r"([a-z]\w*)\(([^()\"]*|[^()\"]*\"(?:[^\"\\]|\\.)*\"\s*)\)\s*\.")
+_POOLED = re.compile(r"\b(pos|inc|dec)\(\s*(\d+)\s*,\s*(?:\(([\d;\s]+)\)|(\d+))\s*\)\s*\.")
+_ARITY = {
+    "state": 2, "initial": 1, "goal": 1, "transition": 3, "candidate": 1,
+    "action": 2, "feature": 3, "size": 2,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PoolFeature:
+    """A feature of the pool: its number, its cost, whether it counts (numeric) or holds (boolean), its length."""
+
+    id: int
+    cost: int
+    kind: str
+    size: int = 0
+
+
+@dataclass(frozen=True)
+class Transition:
+    """A seen step, with the features it raises and lowers."""
+
+    id: int
+    source: int
+    target: int
+    inc: int
+    dec: int
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The training data: bit i of every mask is `features[i]`."""
+
+    features: tuple[PoolFeature, ...]
+    numeric: int
+    states: dict[int, int]
+    initial: frozenset[int]
+    goals: frozenset[int]
+    transitions: dict[int, Transition]
+    candidates: dict[int, tuple[int, ...]]
+    schemas: dict[int, str]
+
+    @property
+    def frontier(self) -> list[int]:
+        """States that were seen but neither expanded nor goals."""
+        return [s for s in self.states if s not in self.goals and s not in self.candidates]
+
+    def bit(self, feature: int) -> int:
+        """Return the bit of a feature, given its number."""
+        return next(i for i, known in enumerate(self.features) if known.id == feature)
+
+    def ids(self, mask: int) -> list[int]:
+        """Return the numbers of the features in a mask."""
+        return [self.features[i].id for i in bits(mask)]
+
+    def confused(self, features: int) -> tuple[int, int]:
+        """Return a goal state and another that the features of a mask do not tell apart."""
+        goals = {self.states[goal] & features: goal for goal in sorted(self.goals, reverse=True)}
+        return next(
+            (goals[values & features], state)
+            for state, values in self.states.items()
+            if state not in self.goals and values & features in goals
+        )
+
+
+def parse_evidence(facts: str) -> Evidence:
+    """Read the facts (predicates in `asp/reference/defined.lp`); an InputError names the line at fault."""
+    rows = _rows(facts)
+    sizes = {int(f): int(size) for f, size in rows["size"]}
+    features = sorted((_feature(row, sizes) for row in rows["feature"]), key=lambda f: f.id)
+    place = {feature.id: i for i, feature in enumerate(features)}
+    if len(place) < len(features):
+        raise InputError(Diagnostic("two feature/3 facts have the same number"))
+    states = {int(s): 0 for s, _ in rows["state"]}
+    transitions = {int(t): (int(s), int(s2)) for t, s, s2 in rows["transition"]}
+    positive = _masks(rows["pos"], place, states, "pos", "state")
+    inc = _masks(rows["inc"], place, transitions, "inc", "transition")
+    dec = _masks(rows["dec"], place, transitions, "dec", "transition")
+    evidence = Evidence(
+        features=tuple(features),
+        numeric=sum(1 << i for i, f in enumerate(features) if f.kind == "numeric"),
+        states={s: positive[s] for s in sorted(states)},
+        initial=_marked(rows["initial"], states, "initial", "state"),
+        goals=_marked(rows["goal"], states, "goal", "state"),
+        transitions={t: Transition(t, *ends, inc=inc[t], dec=dec[t]) for t, ends in sorted(transitions.items())},
+        candidates=_candidates(_marked(rows["candidate"], transitions, "candidate", "transition"), transitions),
+        schemas={int(t): name.strip().strip('"') for t, name in rows["action"]},
+    )
+    _check(evidence)
+    return evidence
+
+
+def _rows(facts: str) -> dict[str, list[tuple[str, ...]]]:
+    """Split the text into argument rows; the values of the features, which are many, by one scan.
+
+    `pos(1,(2;4))` stands for `pos(1,2)` and `pos(1,4)`, as in clingo; such a row is ("1", "2;4").
+    """
+    rows: dict[str, list[tuple[str, ...]]] = defaultdict(list)
+    text = re.sub(r"%[^\n]*", "", facts) if "%" in facts else facts
+    for match in _POOLED.finditer(text):
+        rows[match[1]].append((match[2], match[3] or match[4]))
+    rest = _POOLED.sub("", text)
+    for match in _FACT.finditer(rest):
+        name, arguments = match[1], tuple(part.strip() for part in match[2].split(","))
+        if _ARITY.get(name) != len(arguments):
+            raise _unreadable(text, match[0])
+        if not all(part.isdigit() for part in arguments[: 1 if name in ("feature", "action") else None]):
+            raise _unreadable(text, match[0])
+        rows[name].append(arguments)
+    left = _FACT.sub("", rest).split()
+    if left:
+        raise _unreadable(text, left[0])
+    return rows
+
+
+def _unreadable(text: str, piece: str) -> InputError:
+    line = text[: max(text.find(piece), 0)].count("\n") + 1
+    known = ", ".join(f"{name}/{arity}" for name, arity in sorted(_ARITY.items()))
+    return InputError(Diagnostic(f"not a fact of the sample: {piece}", line=line, hint=f"known: {known}"))
+
+
+def _feature(row: tuple[str, ...], sizes: Mapping[int, int]) -> PoolFeature:
+    number, cost, kind = row
+    if kind not in ("boolean", "numeric") or not cost.isdigit():
+        raise InputError(Diagnostic(f"feature({number}, {cost}, {kind}): want a cost and boolean or numeric"))
+    return PoolFeature(int(number), int(cost), kind, sizes.get(int(number), 0))
+
+
+def _masks(
+    rows: Iterable[tuple[str, ...]], place: dict[int, int], known: Iterable[int], name: str, kind: str
+) -> dict[int, int]:
+    """For each known state or transition, the mask of the features that have a row with its number."""
+    line = {number: index for index, number in enumerate(known)}
+    table = np.zeros((len(line), len(place)), dtype=np.bool_)
+    for feature, keys in rows:
+        for key in map(int, keys.split(";")):
+            if int(feature) not in place or key not in line:
+                raise InputError(Diagnostic(f"{name}({feature}, {key}): no such feature or {kind}"))
+            table[line[key], place[int(feature)]] = True
+    return dict(zip(line, pack(table), strict=True))
+
+
+def _marked(rows: Iterable[tuple[str, ...]], known: Iterable[int], name: str, kind: str) -> frozenset[int]:
+    marked = frozenset(int(row[0]) for row in rows)
+    for unknown in sorted(marked - set(known)):
+        raise InputError(Diagnostic(f"{name}({unknown}): no such {kind}"))
+    return marked
+
+
+def _candidates(candidates: frozenset[int], transitions: dict[int, tuple[int, int]]) -> dict[int, tuple[int, ...]]:
+    by_source: dict[int, list[int]] = defaultdict(list)
+    for number in sorted(candidates):
+        by_source[transitions[number][0]].append(number)
+    return {source: tuple(numbers) for source, numbers in sorted(by_source.items())}
+
+
+def _check(evidence: Evidence) -> None:
+    """Refuse data that contradict themselves: everything learned from them would be worthless."""
+    for t in evidence.transitions.values():
+        if t.source not in evidence.states or t.target not in evidence.states:
+            raise InputError(Diagnostic(f"transition({t.id}, {t.source}, {t.target}): no such state"))
+    for source, numbers in evidence.candidates.items():
+        if source in evidence.goals:
+            raise InputError(Diagnostic(f"candidate({numbers[0]}) leaves the goal state {source}"))
+        for number in numbers:
+            t = evidence.transitions[number]
+            before, after = evidence.states[t.source], evidence.states[t.target]
+            boolean = ~evidence.numeric
+            wrong = (t.inc & t.dec) | (t.inc & ~after) | (t.dec & ~before)
+            wrong |= boolean & ((t.inc & before) | (t.dec & after))
+            wrong |= (before ^ after) & ~(t.inc | t.dec)
+            if wrong:
+                feature = evidence.ids(wrong)[0]
+                raise InputError(
+                    Diagnostic(
+                        f"transition {number} contradicts the values of feature {feature}",
+                        hint="inc/dec of a candidate must agree with pos of its two states",
+                    )
+                )

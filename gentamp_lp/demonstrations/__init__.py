@@ -1,0 +1,1 @@
+"""Plans of the training problems, and the states around them: the training data."""

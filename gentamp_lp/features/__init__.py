@@ -1,0 +1,1 @@
+"""The feature pool, features as formulas and axioms, and their values."""

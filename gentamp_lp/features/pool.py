@@ -1,0 +1,314 @@
+"""The feature pool: drives the Prolog program in `logic/` and writes its formulas for people."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from gentamp_lp.base.reading import read_text
+from gentamp_lp.base.shipped import resource
+from gentamp_lp.errors import Diagnostic, InputError, SolverError
+from gentamp_lp.solvers.prolog import PrologProcess, parse_diagnostics, quote
+
+
+@dataclass(frozen=True)
+class Pruned:
+    """What became of the candidates of one grammar rule on one level; `logic/generate.pl` explains the names.
+
+    The rule `features` stands for the last step, from formulas to features.
+    """
+
+    level: str
+    rule: str
+    counts: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Features up to some cost, one for each qualitative behaviour on the training data.
+
+    `facts` are `feature/3`, `size/2`, `pos/2`, `inc/2` and `dec/2`, legal in Prolog and in ASP; `formulas` gives the
+    text of `formula/4` for each feature.
+    """
+
+    facts: str
+    formulas: dict[int, str]
+    size: int
+    statistics: dict[str, float | int]
+    pruned: tuple[Pruned, ...] = ()
+
+    @cached_property
+    def kinds(self) -> dict[int, tuple[int, str]]:
+        """Cost and kind (boolean or numeric) of each feature."""
+        rows = re.findall(r"\bfeature\((\d+),(\d+),(\w+)\)", self.facts)
+        return {int(number): (int(cost), kind) for number, cost, kind in rows}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A feature that somebody wrote down, evaluated exactly and looked up in the pool.
+
+    `formula` is the text of `formula/4`; `satisfying` has the entities counted in each state (nothing for a closed
+    formula); `match` is the number of a feature of the pool, and `how` says in what sense (`pool_formula/1` in
+    `logic/pool.pl`).
+    """
+
+    formula: str
+    cost: int
+    values: list[int]
+    satisfying: dict[int, list[str]]
+    match: int | None
+    how: str
+
+
+class PoolSession:
+    """The Prolog process that builds a pool: use it in a `with` block.
+
+    `facts` are the training data (`Dataset.pool_facts`), `grammars` are added to the shipped grammar, and `time_limit`
+    bounds the seconds spent in Prolog in total. Raises InputError for a grammar that is not usable, LimitReached when
+    time or memory is up.
+    """
+
+    def __init__(self, facts: str, *, grammars: Sequence[Path] = (), time_limit: float | None = None) -> None:
+        self._limit = time_limit
+        self._spent = 0.0
+        self._level = -1
+        self._facts: list[str] = []
+        self._formulas: dict[int, str] = {}
+        self._prolog = PrologProcess()
+        try:
+            _load(self._prolog, grammars)
+            with tempfile.TemporaryDirectory() as folder:
+                data = Path(folder) / "facts.pl"
+                data.write_text(facts, encoding="utf-8")
+                self._ask(f"pool_open({quote(data)})")
+        except BaseException:
+            self._prolog.__exit__()
+            raise
+
+    def __enter__(self) -> PoolSession:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._prolog.__exit__()
+
+    def _ask(self, goal: str) -> str:
+        started = time.monotonic()
+        try:
+            return self._prolog.text(goal, None if self._limit is None else self._limit - self._spent)
+        finally:
+            self._spent += time.monotonic() - started
+
+    def _ask_much(self, goal: str) -> str:
+        """The same for goals that print hundreds of megabytes."""
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "printed"
+            self._ask(f"bridge:to_file({quote(file)}, {goal})")
+            return file.read_text(encoding="utf-8")
+
+    def deepen(self, cost: int) -> Pool:
+        """Return the pool of all features up to `cost`, building the levels that are missing.
+
+        A feature has the same number in all pools of a session, and a deeper pool starts with the shallower one.
+        """
+        for level in range(self._level + 1, cost + 1):
+            self._ask(f"pool_level({level})")
+            self._facts.append(self._ask_much(f"pool_features({level})"))
+            self._formulas |= _numbered(self._ask(f"pool_formulas({level})"))
+            self._level = level
+        text = self._ask("pool_statistics")
+        statistics: dict[str, float | int] = {n: int(v) for n, v in re.findall(r"stat\((\w+),(\d+)\)", text)}
+        statistics["seconds"] = self._spent
+        return Pool("".join(self._facts), dict(self._formulas), len(self._formulas), statistics, _pruned(text))
+
+    def values(self) -> dict[int, list[int]]:
+        """Return the value of each feature in every state."""
+        rows = "".join(self._ask(f"pool_values({level})") for level in range(self._level + 1))
+        return {int(i): [int(v) for v in values.split()] for i, values in _fields(rows)}
+
+    def satisfying(self, state: int) -> dict[int, list[str]]:
+        """Return the entities that satisfy each feature that counts in a state."""
+        return {int(i): entities.split() for i, entities in _fields(self._ask(f"pool_satisfying({state})"))}
+
+    def read(self, text: str) -> Reading:
+        """Read a formula as people write it, e.g. `exists y: On(x,y) & Tray(y)`; see `logic/notation.pl`.
+
+        Raises InputError, with the column, for what is no formula over the predicates of the data.
+        """
+        rows = _fields(self._ask(f"pool_formula({quote(text)})"))
+        single = {row[0]: row[1] for row in rows if len(row) == 2}
+        match, how = single["match"].split()
+        return Reading(
+            formula=single["formula"].rstrip("."),
+            cost=int(single["cost"]),
+            values=[int(v) for v in single["values"].split()],
+            satisfying={int(row[1]): row[2].split() for row in rows if row[0] == "satisfying"},
+            match=None if match == "none" else int(match),
+            how=how,
+        )
+
+
+def _fields(rows: str) -> list[list[str]]:
+    return [row.split("\t") for row in rows.splitlines()]
+
+
+def _pruned(text: str) -> tuple[Pruned, ...]:
+    rows: dict[tuple[str, str], dict[str, int]] = {}
+    for level, rule, what, number in re.findall(r"pruned\((\w+),(\w+),(\w+),(\d+)\)", text):
+        rows.setdefault((level, rule), {})[what] = int(number)
+    return tuple(Pruned(level, rule, counts) for (level, rule), counts in rows.items())
+
+
+def generate_pool(facts: str, *, max_cost: int, grammars: Sequence[Path] = (), time_limit: float | None = None) -> Pool:
+    """Generate all features up to `max_cost`; `grammars` are added to the shipped grammar."""
+    with PoolSession(facts, grammars=grammars, time_limit=time_limit) as session:
+        return session.deepen(max_cost)
+
+
+def deepen(
+    facts: str, *, costs: Sequence[int], grammars: Sequence[Path] = (), time_limit: float | None = None
+) -> Iterator[Pool]:
+    """Yield the pool for each of the ascending `costs`, working on one only when it is asked for."""
+    with PoolSession(facts, grammars=grammars, time_limit=time_limit) as session:
+        for cost in costs:
+            yield session.deepen(cost)
+
+
+def find_grammar(name: str | Path, folder: Path = Path()) -> Path:
+    """The path of a grammar file, relative to `folder`; or a shipped one by its name, such as `paper`.
+
+    Raises InputError when there is none.
+    """
+    path = folder / name
+    shipped = resource("logic", f"{name}.lp")
+    if path.is_file() or path.suffix or len(Path(name).parts) > 1:
+        return path  # if it is missing, Prolog says so
+    if shipped.is_file():
+        return shipped
+    names = ", ".join(sorted(p.stem for p in resource("logic").glob("*.lp") if p.stem != "grammar"))
+    raise InputError(Diagnostic("no such grammar", str(name), hint=f"give the path of a file or one of: {names}"))
+
+
+def check_grammars(grammars: Sequence[Path]) -> None:
+    """Raise `InputError` if the grammar files, added to the shipped grammar, are not usable."""
+    with PrologProcess() as prolog:
+        _load(prolog, grammars)
+
+
+def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
+    diagnostics = prolog.load(resource("logic", "pool.pl"))
+    if not diagnostics:
+        for path in grammars:
+            read_text(path)
+            if re.search(r"[\t\n]", str(path.absolute())):
+                hint = "rename the file or the folder"
+                raise InputError(
+                    Diagnostic("Prolog reports no files with tabs or line ends in their names", path, hint=hint)
+                )
+        files = [resource("logic", "grammar.lp"), *(path.absolute() for path in grammars)]
+        try:
+            diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))
+        except SolverError as error:
+            if not grammars:
+                raise
+            hint = "Prolog reads no terms that are nested many thousand deep"
+            raise InputError(*(Diagnostic(f"not a grammar: {error}", path, hint=hint) for path in grammars)) from error
+    if diagnostics:
+        raise InputError(*diagnostics)
+
+
+def split_formula(text: str) -> tuple[str | None, str | None, str]:
+    """Variable, sort and body of `formula(Id, Variable, Sort, Body)`; a closed formula has no variable."""
+    found = re.fullmatch(r"formula\(\d+, *(\w+), *(\w+), *(.*)\)\.?", text)
+    if found is None:
+        raise AssertionError(f"not a formula of the pool: {text}")
+    variable, sort, body = found.groups()
+    return (None, None, body) if variable == "none" else (variable, sort, body)
+
+
+def _numbered(lines: str) -> dict[int, str]:
+    formulas = [line.rstrip(".") for line in lines.splitlines()]
+    return {int(formula[len("formula(") : formula.index(",")]): formula for formula in formulas}
+
+
+Term = tuple[str, tuple["Term", ...]]
+
+_TOKEN = re.compile(r"'(?:[^'\\]|\\.|'')*'|\w+|[(),]")
+
+
+def parse_term(text: str) -> Term:
+    """Parse a ground Prolog term without operators, e.g. the text of a formula, into (name, arguments)."""
+    tokens = _TOKEN.findall(text)
+    position = 0
+
+    def term() -> Term:
+        nonlocal position
+        name = tokens[position].strip("'")
+        position += 1
+        arguments: list[Term] = []
+        while position < len(tokens) and tokens[position] in (("(", ",") if arguments else ("(",)):
+            position += 1
+            arguments.append(term())
+        if arguments:
+            position += 1
+        return name, tuple(arguments)
+
+    return term()
+
+
+_CONNECTIVES = {"conj": (" ∧ ", 3), "disj": (" ∨ ", 2), "implies": (" ⇒ ", 1)}
+_NEGATION = 4
+_QUANTIFIERS = {"some": "∃", "every": "∀"}
+
+
+def describe(formula: str, display: Mapping[str, str]) -> str:
+    """Write a formula (the text of `formula/4` or of its last argument) for people: `∃y On(x,y) ∧ Movable(y)`.
+
+    `display` gives the spelling of predicates. The free variable is x; a quantifier reaches as far as it can.
+    """
+    term = parse_term(formula)
+    if term[0] == "formula":
+        term = term[1][3]
+
+    def variable(name: str) -> str:
+        letters = "xyzwuvrstpqabcdefghijklmno"
+        number = int(name[1:])
+        return letters[number] if number < len(letters) else name
+
+    def write(term: Term, strength: int = 0) -> str:
+        name, arguments = term
+        if name in _CONNECTIVES:
+            symbol, own = _CONNECTIVES[name]
+            left, right = arguments
+            before = f"({write(left)})" if _open_ended(left) else write(left, own + (name == "implies"))
+            text = before + symbol + write(right, own)
+            return f"({text})" if own < strength else text
+        if name in _QUANTIFIERS:
+            bound = []
+            while term[0] == name:
+                bound.append(variable(term[1][0][0]))
+                term = term[1][2]
+            return f"{_QUANTIFIERS[name]}{','.join(bound)} {write(term)}"
+        if name == "neg":
+            return "¬" + write(arguments[0], _NEGATION)
+        if name == "closure":
+            u, w, _, body, y, x = arguments
+            pair = f"{variable(u[0])},{variable(w[0])}"
+            return f"{{{pair} | {write(body)}}}⁺({variable(y[0])},{variable(x[0])})"
+        if name == "true":
+            return "⊤"
+        spelling = display.get(name, name)
+        return f"{spelling}({','.join(variable(a[0]) for a in arguments)})" if arguments else spelling
+
+    return write(term)
+
+
+def _open_ended(term: Term) -> bool:
+    """Whether the text of a formula ends with the reach of a quantifier, so that nothing may follow it."""
+    name, arguments = term
+    return name in _QUANTIFIERS or (name in (*_CONNECTIVES, "neg") and _open_ended(arguments[-1]))

@@ -1,0 +1,1 @@
+"""From a task to a policy, stage by stage."""

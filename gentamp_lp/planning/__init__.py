@@ -1,0 +1,1 @@
+"""Planning an instance: guided by a policy, along a skeleton, or unguided."""

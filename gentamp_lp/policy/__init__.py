@@ -1,0 +1,1 @@
+"""The policy, its guarantee, its bundle and its picture."""
