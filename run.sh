@@ -38,6 +38,7 @@ if [ "${1:-}" = test ]; then
         echo "no browser could be installed: the report page is not tested in one" >&2
     .venv/bin/ruff check .
     .venv/bin/mypy
+    .venv/bin/lint-imports --no-logo
     exec .venv/bin/python -m pytest "$@"
 fi
 exec .venv/bin/gentamp-lp "$@"

@@ -22,8 +22,9 @@ from gentamp_lp.geometry import meshes
 from gentamp_lp.geometry.assets import find_mesh
 from gentamp_lp.geometry.collision import Swept, collide
 from gentamp_lp.geometry.grasping import Approach, Grasp
+from gentamp_lp.geometry.make import make_robot
 from gentamp_lp.geometry.mobile import Mobile
-from gentamp_lp.geometry.robots import Robot, Trajectory, make_robot
+from gentamp_lp.geometry.robots import Robot, Trajectory
 from gentamp_lp.geometry.shapes import BLUE, GAP, Part, Rgba, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import Array, pose
 

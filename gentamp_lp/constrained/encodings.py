@@ -29,7 +29,9 @@ from dataclasses import replace
 from gentamp_lp.constrained.local_encoding import PREFIX, Conditions
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.axioms import Features
-from gentamp_lp.policy.policy import Feature, Policy, Valuation
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.policy.model import Valuation
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import FALSE, TRUE, And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, to_pddl
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain, Effect, Predicate

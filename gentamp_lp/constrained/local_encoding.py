@@ -11,7 +11,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 
 from gentamp_lp.constrained.regression import Regression, is_literal
-from gentamp_lp.policy.policy import AbstractAction, Feature, Policy
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.policy.model import AbstractAction
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.formula import (
     FALSE,
     And,

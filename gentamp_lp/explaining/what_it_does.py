@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.features.axioms import Features, valuation
+from gentamp_lp.features.axioms import Features
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.features.values import recorded, valuation
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.plans.validate import adopt
 from gentamp_lp.policy.learn_report import read_report
-from gentamp_lp.policy.policy import Feature, Policy, Rule
-from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.policy.model import Rule
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.incremental import quota_for, sample, simulate
-from gentamp_lp.streams.semantics import Program, State, View, reads
+from gentamp_lp.streams.semantics import Program, View, reads
 from gentamp_lp.tasks.task import Task
 
-MOST = 8  # entities or facts named at a time
 _SAMPLING = 600.0  # seconds
 _DOES = {"true": "makes it true", "false": "makes it false", "increase": "raises it", "decrease": "lowers it"}
 _HAPPENS = {"true": "becomes true", "false": "becomes false", "increase": "rises", "decrease": "falls"}
@@ -130,44 +130,6 @@ def retrace(policy: Policy, data: Dataset, task: Task) -> list[list[ExplainedSta
             found[state.problem].append(_explained(policy, features, see(number), shown, state.goal))
             number = step.target if step else None
     return found
-
-
-def recorded(data: Dataset, task: Task, features: Features) -> Callable[[int], View]:
-    """How to look at a recorded state, given its number: what was not sampled or tested then does not hold."""
-    program = Program.of(task.folder.domain, features.axioms)
-    sorts = {name: tuple(row) for name, row in data.predicates.items()}
-
-    @cache
-    def base(number: int) -> FactBase:
-        problem = data.problems[number]
-        names = dict.fromkeys(name for entities in problem.entities.values() for name in entities)
-        facts = FactBase(task.folder.domain, (), {}, names, sorts)
-        for fact in problem.static:
-            facts.add(fact)
-        return facts
-
-    def see(number: int) -> View:
-        state = data.states[number]
-        fluents = frozenset(fact for fact in state.facts if fact[0] not in task.program.axioms)
-        return View(program, base(state.problem), fluents)
-
-    return see
-
-
-def situation(policy: Policy, base: FactBase, state: State) -> str:
-    """What all features of a policy say of a state, naming entities."""
-    features = Features.of(policy.features)
-    view = View(Program.of(base.domain, features.axioms), base, state)
-    return ", ".join(told(f, view, f.name) for f in policy.features)
-
-
-def told(feature: Feature, view: View, subject: str = "it") -> str:
-    """What a feature says of a state, naming entities."""
-    if feature.variable is None:
-        return f"{subject} is {'true' if view.extension(feature.name) else 'false'}"
-    holds = sorted(row[0] for row in view.extension(feature.name))
-    shown = ", ".join(holds[:MOST]) + (f" and {len(holds) - MOST} more" if len(holds) > MOST else "")
-    return f"{subject} {'counts' if feature.kind == 'numeric' else 'is true of'} {shown or 'nothing'}"
 
 
 def _explained(policy: Policy, features: Features, view: View, step: str, goal: bool) -> ExplainedState:

@@ -9,7 +9,8 @@ from gentamp_lp.abstraction.conflict import Attempt, NoPolicy
 from gentamp_lp.abstraction.theory import FAIRNESS
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.explaining.why_selected import WORDS
-from gentamp_lp.features.pool import Pool, describe, split_formula
+from gentamp_lp.features.pool import Pool
+from gentamp_lp.features.terms import describe, split_formula
 
 _PAIRS = 3  # of states
 _STATES = 6

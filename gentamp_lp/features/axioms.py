@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gentamp_lp.features.pool import Term, parse_term
-from gentamp_lp.policy.policy import Feature
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.features.terms import Term, parse_term
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import (
     And,
@@ -113,25 +113,3 @@ class Features:
     def values(self, view: View) -> dict[str, int]:
         """How many entities satisfy each feature (1 or 0 for closed ones)."""
         return {f.name: len(view.extension(f.name)) for f in self.features}
-
-
-def valuation(values: Mapping[str, int]) -> dict[str, bool]:
-    """The qualitative state: which features are positive."""
-    return {name: value > 0 for name, value in values.items()}
-
-
-def matches_effects(
-    effects: Mapping[str, str], kinds: Mapping[str, str], before: Mapping[str, int], after: Mapping[str, int]
-) -> bool:
-    """Whether a change of values is the qualitative change that an abstract action names (and no other)."""
-    return all(
-        effects.get(name) == effect_of(kinds[name], old > 0, after[name] > 0, after[name] - old)
-        for name, old in before.items()
-    )
-
-
-def effect_of(kind: str, before: bool, after: bool, difference: int) -> str | None:
-    """The qualitative change of a feature, from whether it was and is positive and the sign of the difference."""
-    if kind == "boolean":
-        return None if before == after else "true" if after else "false"
-    return "increase" if difference > 0 else "decrease" if difference < 0 else None

@@ -13,7 +13,8 @@ from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.demonstrations.demonstrate import demonstrate
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.open_world import Openness
-from gentamp_lp.features.pool import Pool, PoolSession, Pruned, Reading, check_grammars, describe, split_formula
+from gentamp_lp.features.pool import Pool, PoolSession, Pruned, Reading, check_grammars
+from gentamp_lp.features.terms import describe, split_formula
 from gentamp_lp.tasks.task import Task
 
 Progress = Callable[[str], None]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from gentamp_lp.geometry.bullet import Camera
+from gentamp_lp.geometry.links import Link
 from gentamp_lp.geometry.playback import State
 from gentamp_lp.geometry.render import TABLE_TOP, WOOD, smooth
-from gentamp_lp.geometry.robots import Link, Robot
+from gentamp_lp.geometry.robots import Robot
 from gentamp_lp.geometry.shapes import Shape, to_trimesh
 from gentamp_lp.geometry.transforms import Array, quaternion
 

@@ -15,7 +15,7 @@ from pydantic.json_schema import SkipJsonSchema
 from gentamp_lp.base.reading import read_yaml, validated
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.geometry.chain import frame, link_of, motion, origin
-from gentamp_lp.geometry.robots import Link
+from gentamp_lp.geometry.links import Link
 from gentamp_lp.geometry.transforms import Array
 
 Vector = tuple[float, float, float]

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from gentamp_lp.geometry.assets import data_path
-from gentamp_lp.geometry.robots import STANDOFF, STEPS, Link, Robot, Trajectory
+from gentamp_lp.geometry.links import Link
+from gentamp_lp.geometry.robots import STANDOFF, STEPS, Robot, Trajectory
 from gentamp_lp.geometry.transforms import Array, Bools, pose, quaternion, rotation
 
 TOOL = 0.105

@@ -5,22 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import fcl
 import numpy as np
 
-from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.geometry.collision import Geometry, Swept, at, convex, placed
+from gentamp_lp.geometry.collision import Swept, at, placed
+from gentamp_lp.geometry.description import Description
 from gentamp_lp.geometry.grasping import Approach, Grasp, grasps
+from gentamp_lp.geometry.links import Body, Link
 from gentamp_lp.geometry.shapes import Shape
 from gentamp_lp.geometry.transforms import Array, Bools, inverse
 
-if TYPE_CHECKING:
-    from gentamp_lp.geometry.description import Description
-
-__all__ = ["STANDOFF", "STEPS", "Approach", "Body", "Grasp", "Link", "Robot", "Trajectory", "make_robot"]
+__all__ = ["STANDOFF", "STEPS", "Approach", "Grasp", "Robot", "Trajectory"]
 
 STANDOFF = 0.10
 """Length (m) of the straight approach."""
@@ -38,30 +35,6 @@ class Trajectory:
 
     configurations: Array
     opening: float
-
-
-class Link:
-    """A convex rigid body of a robot: a mesh in its own frame, vertices (n, 3) in m and triangles (m, 3).
-
-    `look` is a finer mesh file to draw.
-    """
-
-    def __init__(self, name: str, vertices: Array, faces: Array, look: Path | None = None) -> None:
-        self.name = name
-        self.look = look
-        self.vertices = vertices
-        self.faces = faces
-        self.geometry: Geometry = convex(vertices, faces)
-        self.centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        self.radius = float(np.linalg.norm(vertices - self.centre, axis=1).max())
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A link and its 4×4 pose in the world."""
-
-    link: Link
-    pose: Array
 
 
 class Robot(ABC):
@@ -225,37 +198,3 @@ class Robot(ABC):
             if index not in self.mounted:
                 rows = frames[:, index, 2]
                 yield (rows[:, :3] @ self.links[index].vertices.T).min(axis=1) + rows[:, 3]
-
-
-DESCRIPTIONS = Path(__file__).parent / "descriptions"
-
-
-def robot_names() -> list[str]:
-    """The robots that need no file of the user's."""
-    return ["gripper", "mobile_gripper", *sorted(path.stem for path in DESCRIPTIONS.glob("*.yaml"))]
-
-
-def make_robot(name: str) -> Robot:
-    """Return a robot: `gripper`, a free-flying hand, `mobile_gripper`, one above a platform that drives, or a
-    described one by its name or the path of its YAML file. Raises InputError.
-    """
-    from gentamp_lp.geometry.arm import Arm
-    from gentamp_lp.geometry.description import Box, Drive, load_description
-    from gentamp_lp.geometry.gripper import Gripper
-    from gentamp_lp.geometry.mobile import Mobile
-
-    match name:
-        case "gripper":
-            return Gripper()
-        case "mobile_gripper":
-            platform = Box(lower=(-0.20, -0.20, -0.65), upper=(0.20, 0.20, -0.02))
-            return Mobile(name, Gripper(furthest=0.8), Drive(stance=0.30, platform=platform))
-    path = DESCRIPTIONS / f"{name}.yaml"
-    if not path.is_file():
-        path = Path(name)
-    if path.suffix != ".yaml" or not path.is_file():
-        hint = f"known robots: {', '.join(robot_names())}; or give the path of a description (.yaml)"
-        raise InputError(Diagnostic(f"unknown robot {name!r}", hint=hint))
-    description = load_description(path)
-    arm = Arm(name, description)
-    return arm if description.base is None else Mobile(name, arm, description.base)

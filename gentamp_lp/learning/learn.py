@@ -18,12 +18,13 @@ from gentamp_lp.constrained.encodings import constrained_domain, doubtful, to_te
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.demonstrations.demonstrate import Recorder, demonstrate, short_plan
 from gentamp_lp.errors import LimitReached, NoAnswer
-from gentamp_lp.explaining.what_it_does import recorded, told
 from gentamp_lp.explaining.why_no_policy import absence
 from gentamp_lp.explaining.why_selected import reasons
 from gentamp_lp.features.axioms import Features
 from gentamp_lp.features.open_world import Openness
-from gentamp_lp.features.pool import Pool, check_grammars, deepen, describe, split_formula
+from gentamp_lp.features.pool import Pool, check_grammars, deepen
+from gentamp_lp.features.terms import describe, split_formula
+from gentamp_lp.features.values import describe_value, recorded
 from gentamp_lp.planning.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.policy.learn_report import Failure
 from gentamp_lp.policy.policy import Policy
@@ -132,7 +133,7 @@ class Learned:
             parse_evidence(self.facts),
             self.policy.fairness,
             self.settings["unseen"],
-            lambda number, state: f"{self.dataset.name(state)}, where {told(features[number], see(state))}",
+            lambda number, state: f"{self.dataset.name(state)}, where {describe_value(features[number], see(state))}",
             step,
         )
         return {f.name: found[number] for number, f in features.items()}

@@ -18,10 +18,12 @@ from functools import cache, cached_property, partial
 from itertools import chain
 
 from gentamp_lp.errors import LimitReached, NoAnswer
-from gentamp_lp.features.axioms import Features, effect_of, valuation
+from gentamp_lp.features.axioms import Features
+from gentamp_lp.features.values import effect_of, valuation
 from gentamp_lp.planning.feature_changes import Prospect, Watches
 from gentamp_lp.planning.repair import Wish, Wishes
-from gentamp_lp.policy.policy import AbstractAction, Policy
+from gentamp_lp.policy.model import AbstractAction
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.facts import Args, Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,

@@ -9,7 +9,7 @@ from typing import Any
 
 from gentamp_lp.constrained.encodings import constrained_domain, original_step
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
-from gentamp_lp.explaining.what_it_does import situation
+from gentamp_lp.features.values import situation
 from gentamp_lp.planning.guided import DeadEnd, GuidedPlanner
 from gentamp_lp.planning.skeleton import original_steps, skeleton_domain
 from gentamp_lp.planning.unguided import choose, plan_unguided, require_pddlstream, search_unguided
@@ -134,7 +134,7 @@ def solve(
             try:
                 return GuidedPlanner(policy, instance).solve(time_limit=time_limit).steps
             except DeadEnd as end:
-                end.reason += f"; there {situation(policy, instance.base, end.state)}"
+                end.reason += f"; there {situation(policy.features, instance.base, end.state)}"
                 stuck, planner = str(end), "constrained domain"
                 progress(f"following the policy failed ({end}); searching the constrained domain")
                 return _constrained(policy, instance, end, time_limit - (time.perf_counter() - start))

@@ -16,7 +16,9 @@ from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.writing import writing
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.axioms import to_formula
-from gentamp_lp.policy.policy import AbstractAction, CertificateStep, Feature, Policy, Rule, Valuation
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.policy.drawing import draw
+from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import atoms
 
@@ -40,7 +42,7 @@ _EFFECTS = {"boolean": ("true", "false"), "numeric": ("increase", "decrease")}
 _TOKEN = re.compile(r"%[^\n]*|\s+|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.|'')*'|\w+|.", re.DOTALL)
 
 
-def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
+def save(policy: PolicyGraph, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
     """Write the files beside the folder, then put them in its place."""
     require_place(folder)
     files = {
@@ -48,7 +50,7 @@ def save(policy: Policy, folder: Path, *, domain_pddl: str, stream_pddl: str, re
         "features.pl": feature_clauses(policy),
         "domain.pddl": domain_pddl,
         "stream.pddl": stream_pddl,
-        "policy.svg": policy.svg(),
+        "policy.svg": draw(policy),
         "report.json": json.dumps(report, indent=2, ensure_ascii=False) + "\n",
     }
     folder = folder.absolute()
@@ -83,7 +85,7 @@ def require_place(folder: Path) -> None:
             raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", folder, hint=hint))
 
 
-def policy_facts(policy: Policy) -> str:
+def policy_facts(policy: PolicyGraph) -> str:
     """Return policy.lp."""
     states = list(
         dict.fromkeys(
@@ -126,7 +128,7 @@ def policy_facts(policy: Policy) -> str:
     return "\n".join(lines) + "\n"
 
 
-def feature_clauses(policy: Policy) -> str:
+def feature_clauses(policy: PolicyGraph) -> str:
     """Return features.pl."""
     clauses = (
         f"feature({f.name}, {f.kind}, {f.cost}, {f.variable or 'none'}, {f.sort or 'none'}, {f.formula}).\n"
@@ -135,7 +137,7 @@ def feature_clauses(policy: Policy) -> str:
     return _FEATURES + "\n" + "".join(clauses)
 
 
-def load(folder: Path) -> Policy:
+def load(folder: Path) -> PolicyGraph:
     """Read policy.lp and features.pl."""
     if not (folder / "policy.lp").exists():
         hint = "give a folder that `gentamp-lp learn` wrote"
@@ -164,7 +166,7 @@ def load(folder: Path) -> Policy:
     )
     if after:
         raise reader.error(f"outcome of {next(iter(after))}, which has no rule")
-    return Policy(
+    return PolicyGraph(
         reader.one("task"),
         features,
         actions,

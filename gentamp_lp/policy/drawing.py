@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 from grandalf.graphs import Edge, Graph, Vertex
 from grandalf.layouts import SugiyamaLayout
 
-if TYPE_CHECKING:
-    from gentamp_lp.policy.policy import Policy, Valuation
+from gentamp_lp.policy.model import PolicyGraph, Valuation
 
 _LINE, _WIDE, _PAD, _MARGIN = 17.0, 7.4, 9.0, 24.0
 _STYLE = """\
@@ -46,7 +45,7 @@ class _Box:
         return self.xy[1] + (-self.h / 2 if upper else self.h / 2)
 
 
-def draw(policy: Policy, *, legend: bool = True) -> str:
+def draw(policy: PolicyGraph, *, legend: bool = True) -> str:
     """Return the SVG text, perhaps without the features below it.
 
     Each abstract state is a group with class `s` and its printed conditions as `data-state`.
@@ -70,7 +69,7 @@ def draw(policy: Policy, *, legend: bool = True) -> str:
     return _svg(policy, views, paths, legend)
 
 
-def _boxes(policy: Policy) -> dict[Valuation, _Box]:
+def _boxes(policy: PolicyGraph) -> dict[Valuation, _Box]:
     looks: dict[Valuation, None] = dict.fromkeys(rule.valuation for rule in policy.rules)
     looks |= dict.fromkeys(after for rule in policy.rules for after in rule.outcomes)
     looks |= dict.fromkeys((*policy.initial, *policy.goals))
@@ -89,7 +88,7 @@ def _boxes(policy: Policy) -> dict[Valuation, _Box]:
     return boxes
 
 
-def _label(policy: Policy, action: str) -> str:
+def _label(policy: PolicyGraph, action: str) -> str:
     return " ".join([action, "/".join(policy.action(action).schemas)]).strip()
 
 
@@ -98,7 +97,7 @@ def _width(text: str, wide: float = _WIDE) -> float:
 
 
 def _layout(
-    policy: Policy,
+    policy: PolicyGraph,
     vertices: list[Vertex],
     wires: list[tuple[Vertex, Vertex]],
     views: dict[Vertex, _Box],
@@ -192,7 +191,7 @@ def _ports(edges: list[Edge], views: dict[Vertex, _Box]) -> list[list[Point]]:
     return paths
 
 
-def _svg(policy: Policy, views: dict[Vertex, _Box], paths: list[list[Point]], described: bool) -> str:
+def _svg(policy: PolicyGraph, views: dict[Vertex, _Box], paths: list[list[Point]], described: bool) -> str:
     legend = [f"{f.name}: {f.text or f.formula}" for f in policy.features if described]
     points = [point for path in paths for point in path]
     width = max([b.xy[0] + b.w / 2 for b in views.values()] + [x for x, _ in points])

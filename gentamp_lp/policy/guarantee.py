@@ -3,24 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 from gentamp_lp.synthesis.sieve import Edge, components, sieve
 
-if TYPE_CHECKING:
-    from gentamp_lp.policy.policy import AbstractAction, Policy, Rule
-
-Valuation = tuple[bool, ...]
 _RAISES = {"increase": True, "true": True, "decrease": False, "false": False}
-
-
-@dataclass(frozen=True)
-class CertificateStep:
-    """Inside `states`, `feature` is lowered and never raised: the steps that lower it are taken finitely often."""
-
-    feature: str
-    states: tuple[Valuation, ...]
 
 
 def possible(before: bool, word: str, now: bool) -> bool:
@@ -58,7 +45,7 @@ def certify(
     return "qnp", tuple(CertificateStep(names[cut.variable], cut.nodes) for cut in verdict.cuts)
 
 
-def problems(policy: Policy) -> list[str]:
+def problems(policy: PolicyGraph) -> list[str]:
     """Check closedness, goal reachability and the certificate; SIEVE's own search is not trusted."""
     found = []
     known = {rule.valuation for rule in policy.rules}
@@ -107,7 +94,7 @@ def _applicable(action: AbstractAction, values: Mapping[str, bool], here: str) -
     return found
 
 
-def _ends(policy: Policy, edges: list[Edge[Valuation]], names: Sequence[str]) -> list[str]:
+def _ends(policy: PolicyGraph, edges: list[Edge[Valuation]], names: Sequence[str]) -> list[str]:
     """Replay the certificate: each step must hold on what the steps before have left, and leave no loop."""
     if policy.fairness == "strong-cyclic":
         return []

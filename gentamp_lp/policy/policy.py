@@ -1,20 +1,19 @@
-"""A policy over abstract states: the value, its certificate, and its printed form.
-
-Names follow the paper: Boolean and numeric features, abstract actions with preconditions and qualitative
-effects, and rules that map a valuation of the features to one abstract action. A valuation is a tuple with one
-truth value for each feature, in order: a Boolean holds, a count is above zero.
-"""
+"""A learned policy: from a solution or a bundle, and its printed form."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.abstraction.choose import Solution
 from gentamp_lp.abstraction.observations import Evidence, parse_evidence
-from gentamp_lp.policy.guarantee import CertificateStep, Valuation, certify, possible, problems
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.policy.bundle import load, save
+from gentamp_lp.policy.drawing import draw
+from gentamp_lp.policy.guarantee import certify, possible, problems
+from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 
 __all__ = ["AbstractAction", "CertificateStep", "Feature", "Policy", "Rule", "Valuation"]
 
@@ -22,59 +21,8 @@ _SIGN = {"increase": "↑", "decrease": "↓", "true": "=⊤", "false": "=⊥"}
 
 
 @dataclass(frozen=True)
-class Feature:
-    """A selected feature: `formula` is a term over `variable`, which ranges over `sort`."""
-
-    name: str
-    kind: str
-    cost: int
-    formula: str
-    variable: str | None = None
-    sort: str | None = None
-    text: str = ""
-
-    def show(self, positive: bool) -> str:
-        """Return a condition on the feature as the paper prints it."""
-        if self.kind == "boolean":
-            return f"{self.name}={'⊤' if positive else '⊥'}"
-        return f"{self.name}{'>0' if positive else '=0'}"
-
-
-@dataclass(frozen=True)
-class AbstractAction:
-    """A qualitative change, with the conditions that agree wherever it was chosen."""
-
-    name: str
-    preconditions: dict[str, bool]
-    effects: dict[str, str]
-    schemas: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Rule:
-    """In the abstract state `valuation` do `action`; `outcomes` are those that some seen state shows."""
-
-    valuation: Valuation
-    action: str
-    outcomes: tuple[Valuation, ...]
-
-
-@dataclass(frozen=True)
-class Policy:
+class Policy(PolicyGraph):
     """Everything learned for one task; see `text()` for a look and `check()` for the guarantee."""
-
-    task: str
-    features: tuple[Feature, ...]
-    actions: tuple[AbstractAction, ...]
-    rules: tuple[Rule, ...]
-    goals: tuple[Valuation, ...]
-    initial: tuple[Valuation, ...]
-    fairness: str
-    certificate: tuple[CertificateStep, ...]
-    optimal: bool
-    cost: int
-    bound: int
-    extra: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
     def from_solution(
@@ -95,37 +43,15 @@ class Policy:
     @classmethod
     def load(cls, folder: Path | str) -> Policy:
         """Read a bundle, perhaps edited by hand; an InputError names file and line."""
-        from gentamp_lp.policy.bundle import load
-
-        return load(Path(folder))
+        return cls(**vars(load(Path(folder))))
 
     def save(self, folder: Path | str, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
         """Write a bundle whole or not at all, in the place of an older one."""
-        from gentamp_lp.policy.bundle import save
-
         save(self, Path(folder), domain_pddl=domain_pddl, stream_pddl=stream_pddl, report=report)
 
     def svg(self) -> str:
         """Return the policy graph as a drawing."""
-        from gentamp_lp.policy.drawing import draw
-
         return draw(self)
-
-    def rule_for(self, valuation: Mapping[str, bool] | Sequence[bool]) -> Rule | None:
-        """Return the rule of an abstract state; None in a goal or in a state never seen."""
-        if isinstance(valuation, Mapping):
-            key = tuple(bool(valuation[feature.name]) for feature in self.features)
-        else:
-            key = tuple(map(bool, valuation))
-        return next((rule for rule in self.rules if rule.valuation == key), None)
-
-    def action(self, name: str) -> AbstractAction:
-        """Return an abstract action by name."""
-        return next(action for action in self.actions if action.name == name)
-
-    def show(self, valuation: Valuation) -> str:
-        """Return an abstract state as a line of conditions."""
-        return ", ".join(f.show(positive) for f, positive in zip(self.features, valuation, strict=True))
 
     def check(self) -> list[str]:
         """Verify the guarantee from the rules alone; one sentence for each thing that is wrong."""

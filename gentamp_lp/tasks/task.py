@@ -15,13 +15,13 @@ from ruamel.yaml.scalarstring import LiteralScalarString
 from gentamp_lp.base.reading import line_of, read_yaml, validated
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import Diagnostic, InputError, SceneError
-from gentamp_lp.features.pool import find_grammar
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.pddl import parse_formula
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sorts import infer_sorts
 from gentamp_lp.tasks.domain_folder import DomainFolder, check_stream_map, check_world, load_domain, running
+from gentamp_lp.tasks.grammars import find_grammar
 
 Sizes = tuple[int | str, ...]
 LARGEST = 1000  # value of a size parameter: what is larger is a typing mistake

@@ -10,9 +10,10 @@ import pytest
 from helpers.following import QUOTA, Case, case_of, extensions, fluents, plans_by, plans_in, policy_steps, sorts_of
 
 from gentamp_lp.constrained.encodings import constrained_domain, doubtful, original_step, to_text
+from gentamp_lp.features.feature import Feature
 from gentamp_lp.learning.learn import Learned
 from gentamp_lp.planning.solve import solve
-from gentamp_lp.policy.policy import AbstractAction, Feature, Rule
+from gentamp_lp.policy.model import AbstractAction, Rule
 from gentamp_lp.streams.downward import write_problem
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import TRUE, And, Atom, conjuncts

@@ -19,8 +19,10 @@ from gentamp_lp.constrained.encodings import (
     to_text,
 )
 from gentamp_lp.constrained.regression import Regression
+from gentamp_lp.features.feature import Feature
 from gentamp_lp.learning.learn import Learned
-from gentamp_lp.policy.policy import AbstractAction, Feature, Policy, Rule, Valuation
+from gentamp_lp.policy.model import AbstractAction, Rule, Valuation
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.downward import search
 from gentamp_lp.streams.facts import FactBase, Relation
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, normalize

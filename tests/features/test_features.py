@@ -7,10 +7,12 @@ import pytest
 from helpers.brute_force import pool_rows
 
 from gentamp_lp.demonstrations.dataset import Dataset, Problem
-from gentamp_lp.features.axioms import Features, matches_effects, to_formula, valuation
-from gentamp_lp.features.pool import Pool, generate_pool, split_formula
+from gentamp_lp.features.axioms import Features, to_formula
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.features.pool import Pool, generate_pool
+from gentamp_lp.features.terms import split_formula
+from gentamp_lp.features.values import matches_effects, valuation
 from gentamp_lp.learning.learn import Learned
-from gentamp_lp.policy.policy import Feature
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Not, Or
 from gentamp_lp.streams.pddl import Axiom, Domain, Predicate, parse_domain

@@ -16,17 +16,10 @@ from helpers import synthetic
 from helpers.brute_force import State, pool_rows
 
 from gentamp_lp.errors import InputError, LimitReached, SolverError
-from gentamp_lp.features.pool import (
-    Pool,
-    PoolSession,
-    check_grammars,
-    deepen,
-    describe,
-    find_grammar,
-    generate_pool,
-    parse_term,
-)
+from gentamp_lp.features.pool import Pool, PoolSession, check_grammars, deepen, generate_pool
+from gentamp_lp.features.terms import describe, parse_term
 from gentamp_lp.solvers.prolog import Prolog, PrologProcess, quote
+from gentamp_lp.tasks.grammars import find_grammar
 
 LOGIC = Path(__file__).parents[1] / "logic"
 

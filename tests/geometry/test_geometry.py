@@ -18,11 +18,12 @@ import pytest
 from gentamp_lp.geometry.bullet import Bullet, Camera
 from gentamp_lp.geometry.collision import Swept, collide, convex, hits_table, placed
 from gentamp_lp.geometry.gripper import Gripper
+from gentamp_lp.geometry.make import make_robot
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.playback import Playback
 from gentamp_lp.geometry.render import MOVIE, Scene, film, save_movie, save_still, smooth
 from gentamp_lp.geometry.replay import TABLE, Replay
-from gentamp_lp.geometry.robots import STEPS, Trajectory, make_robot
+from gentamp_lp.geometry.robots import STEPS, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, to_trimesh, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose, quaternion, rotation
 
@@ -346,7 +347,7 @@ def test_a_camera_comes_as_near_as_it_can():
 
 def test_nothing_is_printed():
     code = (
-        "from gentamp_lp.geometry.robots import make_robot; from gentamp_lp.geometry.replay import Replay;"
+        "from gentamp_lp.geometry.make import make_robot; from gentamp_lp.geometry.replay import Replay;"
         "robot = make_robot('panda'); Replay(robot).close(); robot.close();"
         "Replay(make_robot('gripper')).close()"
     )

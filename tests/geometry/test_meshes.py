@@ -19,11 +19,11 @@ from gentamp_lp.geometry.assets import data_path, find_mesh
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.collision import collide, hits_table
 from gentamp_lp.geometry.gripper import approach_poses
+from gentamp_lp.geometry.make import make_robot
 from gentamp_lp.geometry.meshes import mesh, tray_mesh
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.render import MOVIE, Scene
 from gentamp_lp.geometry.replay import TABLE, Replay
-from gentamp_lp.geometry.robots import make_robot
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, hull, to_trimesh
 from gentamp_lp.geometry.transforms import inverse, pose, rotation
 from gentamp_lp.learning.learn import Learned

@@ -18,9 +18,10 @@ from gentamp_lp.cli.main import app
 from gentamp_lp.cli.schemas import schema
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.geometry import motion
+from gentamp_lp.geometry.make import make_robot
 from gentamp_lp.geometry.motion import Space, find_motion
 from gentamp_lp.geometry.replay import SLAB, Replay
-from gentamp_lp.geometry.robots import Trajectory, make_robot
+from gentamp_lp.geometry.robots import Trajectory
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box
 from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import pose

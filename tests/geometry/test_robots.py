@@ -15,9 +15,10 @@ from gentamp_lp.geometry.arm import MAX_STEP
 from gentamp_lp.geometry.bullet import Bullet
 from gentamp_lp.geometry.collision import Swept, collide, hits_table
 from gentamp_lp.geometry.gripper import approach_poses
+from gentamp_lp.geometry.make import make_robot
 from gentamp_lp.geometry.models import load_model
 from gentamp_lp.geometry.replay import Replay
-from gentamp_lp.geometry.robots import STANDOFF, STEPS, make_robot
+from gentamp_lp.geometry.robots import STANDOFF, STEPS
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box, cylinder, tray
 from gentamp_lp.geometry.transforms import difference, inverse, pose
 

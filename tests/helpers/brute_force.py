@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from gentamp_lp.features.pool import Pool, Term
+from gentamp_lp.features.pool import Pool
+from gentamp_lp.features.terms import Term
 
 
 class State:

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gentamp_lp.constrained.encodings import constrained_domain, original_step
-from gentamp_lp.features.axioms import Features, valuation
-from gentamp_lp.policy.policy import Feature, Policy
+from gentamp_lp.features.axioms import Features
+from gentamp_lp.features.feature import Feature
+from gentamp_lp.features.values import valuation
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply

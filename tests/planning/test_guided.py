@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.features.axioms import matches_effects, valuation
+from gentamp_lp.features.values import matches_effects, valuation
 from gentamp_lp.learning.learn import Learned
 from gentamp_lp.planning.guided import DeadEnd, GuidedPlanner, GuidedResult
 from gentamp_lp.planning.solve import solve

@@ -9,7 +9,8 @@ from helpers.worlds import LOAD_SIZES, UNSTACK_SIZES, Load, Unstack, gather
 from gentamp_lp.abstraction.choose import synthesize_policy
 from gentamp_lp.errors import InputError
 from gentamp_lp.policy.guarantee import certify
-from gentamp_lp.policy.policy import CertificateStep, Policy, Rule
+from gentamp_lp.policy.model import CertificateStep, Rule
+from gentamp_lp.policy.policy import Policy
 from gentamp_lp.solvers.asp import Program
 
 
