@@ -10,14 +10,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 from gentamp_lp.abstraction.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.abstraction.facts import LazyPolicy, improvement_facts, relaxed_program, theory_facts
 from gentamp_lp.abstraction.observations import Evidence, parse_evidence
-from gentamp_lp.abstraction.theory import FAIRNESS, UNSEEN, Theory, compress
+from gentamp_lp.abstraction.theory import Theory, Unseen, compress
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.solvers.asp import Answer, Atom, Outcome, Program
+from gentamp_lp.synthesis.fairness import LEVELS
 
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
 
@@ -38,6 +40,7 @@ class Solution:
     by_user: bool = field(compare=False)  # Ctrl-C ended the search
     seconds: dict[str, float] = field(compare=False)
     statistics: dict[str, int] = field(compare=False)
+    theory: Theory = field(compare=False, repr=False)  # what it was chosen for
 
 
 def synthesize_policy(
@@ -65,10 +68,10 @@ def synthesize_policy(
     before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal`
     False and a lower `bound`.
     """
-    if fairness not in FAIRNESS:
-        raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(FAIRNESS)}")
-    if unseen not in UNSEEN:
-        raise InputError(f"unknown treatment of unseen outcomes {unseen!r}: one of {', '.join(UNSEEN)}")
+    if fairness not in LEVELS:
+        raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(LEVELS)}")
+    if unseen not in get_args(Unseen):
+        raise InputError(f"unknown treatment of unseen outcomes {unseen!r}: one of {', '.join(get_args(Unseen))}")
     say = progress or (lambda message: None)
     clock = _Clock(time_limit)
     evidence = parse_evidence(facts) if isinstance(facts, str) else facts
@@ -126,6 +129,7 @@ def synthesize_policy(
             "ties": len({answer.atoms["selected"] for answer in outcome.answers if answer.optimal}),
             **program.statistics(),
         },
+        theory=theory,
     )
 
 

@@ -28,13 +28,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import or_
+from typing import Literal
 
 from gentamp_lp.abstraction.observations import Evidence
 from gentamp_lp.base.bitsets import bits, hitting, minimal, subsets, transpose
 from gentamp_lp.synthesis.sieve import Edge, components, short_loops, sieve
 
-FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
-UNSEEN = ("drop", "refuse")  # outcomes of falling counts that no seen state shows
+Unseen = Literal["drop", "refuse"]  # outcomes of falling counts that no seen state shows
 _AT_A_TIME = 60
 
 

@@ -14,7 +14,8 @@ from gentamp_lp.cli.doctor import Finding
 from gentamp_lp.explaining.what_it_does import ExplainedFeature, ExplainedState
 from gentamp_lp.features.listing import ListedFeature, ListedFormula
 from gentamp_lp.geometry.description import Description
-from gentamp_lp.policy.learn_report import Document, Failure, Fairness, LearnReport, PruningEntry
+from gentamp_lp.policy.learn_report import Document, Failure, LearnReport, PruningEntry
+from gentamp_lp.synthesis.fairness import Fairness
 from gentamp_lp.tasks.task import TaskFile
 
 

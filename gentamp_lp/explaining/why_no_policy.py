@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterable
 from itertools import pairwise
 
 from gentamp_lp.abstraction.conflict import Attempt, NoPolicy
-from gentamp_lp.abstraction.theory import FAIRNESS
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.explaining.why_selected import WORDS
 from gentamp_lp.features.pool import Pool
 from gentamp_lp.features.terms import describe, split_formula
+from gentamp_lp.synthesis.fairness import LEVELS, Fairness
 
 _PAIRS = 3  # of states
 _STATES = 6
@@ -19,7 +19,7 @@ _FEATURES = 3
 
 
 def absence(
-    failure: NoPolicy, data: Dataset, pool: Pool, complexity: int, fairness: str, fluents: Collection[str]
+    failure: NoPolicy, data: Dataset, pool: Pool, complexity: int, fairness: Fairness, fluents: Collection[str]
 ) -> str:
     """The failure told with the states of `data` and the features of `pool`; `fluents` say where states differ."""
     if failure.pairs:
@@ -31,7 +31,7 @@ def absence(
     words = f"a word about {', '.join(sorted(differ))}" if differ else "a word that tells the states apart"
     remedies = [f"deeper features (--max-complexity {complexity + 1})", f"{words} (--grammar FILE)"]
     if any(attempt.kind in ("termination", "acyclic") and not attempt.idle for attempt in failure.attempts):
-        remedies.append(f"a weaker fairness (--fairness {FAIRNESS[FAIRNESS.index(fairness) + 1]})")
+        remedies.append(f"a weaker fairness (--fairness {LEVELS[LEVELS.index(fairness) + 1]})")
     what = f"no {fairness} policy over the {pool.size} features up to complexity {complexity}: {lines[0]}"
     return "\n  ".join([what, *lines[1:], f"try: {'; '.join(remedies)}"])
 

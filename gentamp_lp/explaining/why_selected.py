@@ -7,8 +7,7 @@ from functools import partial, reduce
 from operator import or_
 
 from gentamp_lp.abstraction.choose import Solution
-from gentamp_lp.abstraction.observations import Evidence
-from gentamp_lp.abstraction.theory import Lemma, Theory, compress
+from gentamp_lp.abstraction.theory import Lemma, Theory
 
 WORDS = {
     "unseen": "the policy could lead to what no seen state shows",
@@ -21,9 +20,6 @@ WORDS = {
 
 def reasons(
     solution: Solution,
-    evidence: Evidence,
-    fairness: str,
-    unseen: str,
     describe: Callable[[int, int], str],
     step: Callable[[int], str],
 ) -> dict[int, str]:
@@ -31,8 +27,8 @@ def reasons(
 
     `describe` says what a feature is in a state, given their numbers; `step` says which step the policy takes.
     """
-    theory = compress(evidence, fairness, unseen)
-    bit = {feature: 1 << evidence.bit(feature) for feature in solution.features}
+    theory = solution.theory
+    bit = {feature: 1 << theory.evidence.bit(feature) for feature in solution.features}
     everything = reduce(or_, bit.values(), 0)
     choice = _choice(theory, solution)
     return {

@@ -21,6 +21,7 @@ from gentamp_lp.policy.drawing import draw
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import atoms
+from gentamp_lp.synthesis.fairness import LEVELS
 
 _HEADER = """\
 % A generalized policy, as ASP facts. Edit it, then check it: gentamp-lp validate <this folder>
@@ -173,7 +174,7 @@ def load(folder: Path) -> PolicyGraph:
         rules,
         tuple(states[row.known(0, states)] for row in reader.rows("goal", 1)),
         tuple(states[row.known(0, states)] for row in reader.rows("initial", 1)),
-        reader.one("fairness", {"strong", "qnp", "strong-cyclic"}),
+        reader.one("fairness", LEVELS),
         tuple(_step(reader, row, kinds, states) for row in reader.rows("cut", 2)),
         reader.one("optimal", {"yes", "no"}) == "yes",
         int(reader.one("cost", digits=True)),

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
+from gentamp_lp.abstraction.theory import Unseen
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
-
-Fairness = Literal["strong", "qnp", "strong-cyclic"]
+from gentamp_lp.synthesis.fairness import Fairness
 
 
 @dataclass(frozen=True)
@@ -87,17 +87,42 @@ class PruningEntry(BaseModel):
 
 
 class LearnSettings(Document):
-    """What `learn` was called with; null stands for the task's own value."""
+    """How a policy is learned; null stands for the task's own value, or for `seed` in the place of `solver_seed`."""
 
+    model_config = ConfigDict(frozen=True)
+
+    seed: int = Field(default=0, ge=0)
+    """Same seed, same result."""
+    solver_seed: int | None = Field(default=None, ge=0)
+    """Seed of clingo's search alone [--seed]."""
+    robot: str | None = None
+    """Robot instead of the task's: a name or a .yaml, see docs/robots.md."""
+    grammars: tuple[Annotated[str, BeforeValidator(str)], ...] = ()
+    """Grammar file to add, or the name of a shipped one: paper (repeatable)."""
+    max_complexity: int | None = Field(default=None, ge=1)
+    """Highest cost of a feature [that of the task file]."""
+    around: bool = True
+    """Plans only, or plans and what is around them."""
+    fairness: Fairness = "qnp"
+    """Weakest guarantee to accept."""
+    unseen: Unseen = "drop"
+    """Falling counts may run out or not; what to make of outcomes that no state shows."""
+
+    def changed(self, changes: Mapping[str, Any]) -> LearnSettings:
+        """The settings with other values. Raises InputError, naming the setting, for values that cannot be."""
+        try:
+            return LearnSettings.model_validate({**dict(self), **changes})
+        except ValidationError as error:
+            raise InputError(*(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())) from None
+
+
+class _OfTask(Document):
     task: str
-    seed: int = Field(ge=0)
-    solver_seed: int | None
-    robot: str | None
-    grammars: list[str]
-    max_complexity: int | None
-    around: bool
-    fairness: Fairness
-    unseen: Literal["drop", "refuse"]
+    """name of a shipped task, or path of the task file"""
+
+
+class RecordedSettings(LearnSettings, _OfTask):
+    """What `learn` was called with."""
 
 
 class LearnSeconds(Document):
@@ -142,7 +167,7 @@ class LearnReport(Document):
     validation: list[str]
     """sizes on which the policy was tried"""
     notes: list[str]
-    settings: LearnSettings
+    settings: RecordedSettings
     seconds: LearnSeconds
 
 

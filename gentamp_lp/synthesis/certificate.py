@@ -13,12 +13,12 @@ from typing import Any
 
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.synthesis.fairness import LEVELS
 from gentamp_lp.synthesis.problem import Problem
 from gentamp_lp.synthesis.reading import Source, parse_problem
 from gentamp_lp.synthesis.solving import Synthesis
 
 FORMAT = "gentamp-lp policy certificate"
-_LEVELS = ("strong", "qnp", "strong-cyclic")
 
 
 def certificate(found: Synthesis, sources: Sequence[Source]) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class _Policy:
 
     def __init__(self, document: dict[str, Any]) -> None:
         self.fairness = str(document["fairness"])
-        if document.get("version") != 1 or self.fairness not in _LEVELS:
+        if document.get("version") != 1 or self.fairness not in LEVELS:
             raise KeyError("version or fairness")
         self.initial = [str(state) for state in document["initial"]]
         self.rules = [(str(rule["state"]), str(rule["action"])) for rule in document["rules"]]

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
 from gentamp_lp.solvers.asp import Answer, Clause, Outcome, Program
+from gentamp_lp.synthesis.fairness import LEVELS
 from gentamp_lp.synthesis.problem import Choice, Problem
 from gentamp_lp.synthesis.sieve import Cut, Edge, Verdict, short_loops, sieve
 
-FAIRNESS = ("strong", "qnp", "strong-cyclic")  # strongest first
 _LOOPS = 60  # edges of a component through which short loops are looked for
 _AT_A_TIME = 20  # clauses from one component
 
@@ -46,11 +46,11 @@ def synthesize(
     problem: Problem, *, fairness: str | None = None, minimize: bool = False, time_limit: float | None = None
 ) -> Synthesis:
     """Return a policy of the level `fairness`, or of the strongest level that has one; `minimize` its states."""
-    if fairness is not None and fairness not in FAIRNESS:
-        raise InputError(f"unknown fairness `{fairness}`: one of {', '.join(FAIRNESS)}")
+    if fairness is not None and fairness not in LEVELS:
+        raise InputError(f"unknown fairness `{fairness}`: one of {', '.join(LEVELS)}")
     start = time.monotonic()
     conditional = any(choice.lowered for choice in problem.choices)
-    levels = [level for level in FAIRNESS if conditional or level != "qnp"] if fairness is None else [fairness]
+    levels = [level for level in LEVELS if conditional or level != "qnp"] if fairness is None else [fairness]
     statistics: dict[str, int] = {}
     for level in levels:
         left = None if time_limit is None else max(time_limit - (time.monotonic() - start), 0.01)

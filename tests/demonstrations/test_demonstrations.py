@@ -9,8 +9,10 @@ import pytest
 
 from gentamp_lp.abstraction.observations import parse_evidence
 from gentamp_lp.demonstrations import demonstrate as demonstrations
+from gentamp_lp.demonstrations.canonical import canonical
 from gentamp_lp.demonstrations.dataset import Dataset, Problem, SeenState, Transition
-from gentamp_lp.demonstrations.demonstrate import Recorder, cache_path, canonical, demonstrate, short_plan
+from gentamp_lp.demonstrations.demonstrate import cache_path, demonstrate, short_plan
+from gentamp_lp.demonstrations.recorder import Recorder
 from gentamp_lp.features.axioms import to_formula
 from gentamp_lp.features.pool import generate_pool
 from gentamp_lp.features.terms import split_formula

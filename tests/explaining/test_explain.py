@@ -11,7 +11,6 @@ import pytest
 from helpers.commands import run
 
 from gentamp_lp import solve
-from gentamp_lp.abstraction.observations import parse_evidence
 from gentamp_lp.errors import InputError, NoAnswer
 from gentamp_lp.explaining.what_it_does import explain, trace
 from gentamp_lp.learning.learn import Learned, learn
@@ -36,7 +35,7 @@ def plan(load: Learned) -> Plan:
 
 def test_the_reasons_are_true(learned: Learned) -> None:
     """The two states named look alike to the other features, and must not."""
-    evidence = parse_evidence(learned.facts)
+    evidence = learned.solution.theory.evidence
     for feature, number in zip(learned.policy.features, learned.solution.features, strict=True):
         why = learned.reasons[feature.name]
         first, second = (int(n) for n in re.findall(r"\bstate (\d+) \(size", why)[:2])

@@ -10,7 +10,7 @@ import pytest
 from gentamp_lp import solve
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import LimitReached, NoAnswer
-from gentamp_lp.learning import learn as learning
+from gentamp_lp.learning import rollouts
 from gentamp_lp.learning.learn import Learned, learn
 from gentamp_lp.tasks.task import Task
 
@@ -48,11 +48,11 @@ def test_the_new_policy_solves_other_sizes(refined: Learned, size: str, seed: in
 
 
 def test_a_roll_out_that_takes_too_long_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(learning, "_ROLLOUT_SECONDS", 0.0)
+    monkeypatch.setattr(rollouts, "_SECONDS", 0.0)
     monkeypatch.setattr("gentamp_lp.planning.guided.GuidedPlanner._check_time", out_of_time)
     learned = learn(Task.load("unstack"), max_complexity=3)
     assert learned.rounds == 0
-    assert learned.notes == [f"unstack-{size}: the roll-out was not finished within 1 s" for size in (8, 9)]
+    assert learned.notes == tuple(f"unstack-{size}: the roll-out was not finished within 1 s" for size in (8, 9))
 
 
 def out_of_time(_: object) -> None:
