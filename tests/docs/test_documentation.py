@@ -9,8 +9,8 @@ from pathlib import Path
 import nbformat
 import pytest
 from helpers.documentation import ROOT, RUN, SHOWN, blocks, follow, matches, pages, quoted
+from helpers.prose import sentences, words
 from nbclient import NotebookClient
-from prose import sentences, words
 
 CONCEPTS = ["features", "abstraction", "termination", "constrained"]
 QUICK = {f"docs/{page}.md" for page in ("first-policy", "reading", "streams", "synthesis", *CONCEPTS)}
