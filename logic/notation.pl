@@ -439,8 +439,8 @@ rename(Atom0, S, Atom, N, N) :-
 %!  formula_cost(+Formula, :Hidden, -Cost) is det.
 %
 %   The larger of the number of literals (and one for closing a formula or a relation, or for an implication that is
-%   not the body of a universal quantifier) and of the number of variables, as in the grammar. Hidden is called with an atom and the positions of its variables that occur
-%   nowhere else; they are not counted if it succeeds.
+%   not the body of a universal quantifier) and of the number of variables, as in the grammar. Hidden is called with an
+%   atom and the positions of its variables that occur nowhere else; they are not counted if it succeeds.
 
 formula_cost(formula(Free, Formula), Hidden, Cost) :-
     measure(Formula, Hidden, Literals, Variables),

@@ -19,9 +19,10 @@ Under negation the projection is the guarded reading: not CFree(p,q) says that t
 their own objects_ collide.
 
 Every predicate with data has the view of its keys, the arguments that no other argument determines. From
-three keys on it has those of all pairs of them, too, and if there are more, of all triples instead of the whole. On top of that, an owning predicate like Pose(o,p,s) has a view
-of its entity p with each of the arguments that p determines, and a fluent like AtPose(o,p) has the view
-that finds p from o. What kind of formula a view is depends on its data:
+three keys on it has those of all pairs of them, too, and if there are more, of all triples instead of the
+whole. On top of that, an owning predicate like Pose(o,p,s) has a view of its entity p with each of the
+arguments that p determines, and a fluent like AtPose(o,p) has the view that finds p from o. What kind of
+formula a view is depends on its data:
 
   - `own` if it relates two variables and in every state at most one first goes with a second ("its
     support"): then "every" would only add "or none";

@@ -9,11 +9,14 @@ from pathlib import Path
 import nbformat
 import pytest
 from helpers.documentation import ROOT, RUN, SHOWN, blocks, follow, matches, pages, quoted
+from helpers.prose import sentences, words
 from nbclient import NotebookClient
 
 CONCEPTS = ["features", "abstraction", "termination", "constrained"]
 QUICK = {f"docs/{page}.md" for page in ("first-policy", "reading", "streams", "synthesis", *CONCEPTS)}
 QUICK |= {"docs/examples/06-own-domain/README.md"}
+PROSE = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("domains/**/*.md")]
+LONG = 35  # words of a sentence
 GUIDES = ["first-policy", "reading", "tasks", "domains", "robots", "streams", "synthesis", "cluster"]
 
 
@@ -29,6 +32,37 @@ def test_every_block_is_run_or_says_why_not(page: Path) -> None:
             assert quoted(block), f"{block.reason} does not have these lines: {block.text}"
         runs = block.language in ("console", "sh", "python")
         assert runs or block.language in SHOWN or block.title or block.excuse, f"not run: {block.text[:60]}"
+
+
+@pytest.mark.parametrize("page", sorted(PROSE), ids=name)
+def test_sentences_are_short(page: Path) -> None:
+    found = sentences(page.read_text(encoding="utf-8"))
+    assert found, "no prose"
+    assert not [f"{words(s)} words: {s}" for s in found if words(s) >= LONG]
+
+
+def test_what_counts_as_a_sentence() -> None:
+    page = """# A title. Of two
+Code such as `a b` counts, [and links](https://example.org/a.b), e.g. This one. The (second.) 3 is third?
+No: it is one of Curtis et al. 2022 ... Still the same! <!-- not: A sentence. --> ![nor. A](picture.png)
+- an item
+  goes on. Twice
+1. another; the last
+
+| not. A | table |
+|---|---|
+
+```text
+Not. This
+```
+> quoted
+"""
+    assert sentences(page) == [
+        "A title.", "Of two", "Code such as `a b` counts, and links, e.g. This one.", "The (second.)", "3 is third?",
+        "No: it is one of Curtis et al. 2022 ... Still the same!", "an item goes on.", "Twice", "another; the last",
+        "quoted",
+    ]  # fmt: skip
+    assert [words(s) for s in sentences(page)] == [2, 2, 11, 2, 3, 12, 4, 1, 3, 1]
 
 
 @pytest.mark.parametrize(
