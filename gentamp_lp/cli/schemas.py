@@ -9,57 +9,16 @@ from typing import Any, Literal
 
 from pydantic import Field, TypeAdapter
 
+from gentamp_lp.base.documents import Document
 from gentamp_lp.bench.runs import Cell, Row
 from gentamp_lp.cli.doctor import Finding
 from gentamp_lp.explaining.what_it_does import ExplainedFeature, ExplainedState
 from gentamp_lp.features.listing import ListedFeature, ListedFormula
 from gentamp_lp.geometry.description import Description
-from gentamp_lp.policy.learn_report import Document, Failure, LearnReport, PruningEntry
+from gentamp_lp.planning.solved import SolveReport
+from gentamp_lp.policy.learn_report import Failure, LearnReport, PruningEntry
 from gentamp_lp.synthesis.fairness import Fairness
 from gentamp_lp.tasks.task import TaskFile
-
-
-class StreamCalls(Document):
-    """How often a stream was called, and how often it gave something."""
-
-    calls: int
-    successes: int
-
-
-class SolveReport(Document):
-    """What `solve --json` prints."""
-
-    task: str
-    size: str
-    parameters: dict[str, int]
-    seed: int
-    robot: str
-    mode: Literal["guided", "unguided", "skeleton"]
-    engine: Literal["embedded", "pddlstream"]
-    planner: str
-    """who found the plan"""
-    solved: bool
-    valid: bool
-    """the plan passed the independent validator"""
-    reason: str | None
-    """why there is no plan"""
-    stuck: str | None
-    """where the policy could not be followed"""
-    problems: list[str]
-    """what the validator found wrong"""
-    seconds: float
-    stream_seconds: float
-    stream_floor: float | None
-    """seconds of the plan's own stream calls, replayed alone"""
-    floor_ratio: float | None
-    validation_seconds: float
-    streams: dict[str, StreamCalls]
-    plan_length: int | None
-    plan: list[list[str]] | None
-    """one list a step: the action and its arguments"""
-    motion: dict[str, float] | None
-    """with `--motion`: how many `transits` were found, how many of these are `straight`, how often steps were chosen
-    `anew` for want of one, and the `seconds`"""
 
 
 class Decision(Document):

@@ -17,10 +17,10 @@ from gentamp_lp.tasks.task import Instance
 def stream_floor(instance: Instance, steps: Sequence[Step]) -> float | None:
     """Seconds of the stream calls behind the steps' entities and of the tests that the preconditions read.
 
-    The calls are repeated on the same problem, drawn anew. None when a stream does not repeat itself.
+    The calls are repeated on the same problem. None when a stream does not repeat itself.
     """
     task, made = instance.task, instance.base.made_by
-    fresh = task.instance(instance.size, instance.seed, robot=instance.robot)
+    fresh = instance.renewed()
     base = fresh.base
     streams = {stream.name: stream for stream in base.streams}
     together: dict[object, list[str]] = {}

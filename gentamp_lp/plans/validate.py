@@ -1,8 +1,8 @@
 """The independent check of a plan: nothing the planner believed is taken over.
 
-The instance is drawn again from its task, size and seed. Sampled values come from the plan as numbers; every test the
-preconditions need is run anew on them, the steps are simulated, the goal is evaluated, and the motions are replayed
-by the domain's own checker (PyBullet for `tabletop`, where planning used FCL).
+The instance is drawn from its task, size and seed, and nothing sampled before is known in it. Sampled values come from
+the plan as numbers; every test the preconditions need is run again on them, the steps are simulated, the goal is
+evaluated, and the motions are replayed by the domain's own checker (PyBullet for `tabletop`, where planning used FCL).
 """
 
 from __future__ import annotations
@@ -22,9 +22,12 @@ from gentamp_lp.tasks.task import Instance, Task
 _NAME = re.compile(r"\w[\w-]*")
 
 
-def validate(plan: Plan, task: Task) -> list[str]:
-    """What is wrong with a plan; empty when it is sound. Raises InputError when its values cannot be read."""
-    instance = task.instance(plan.size, plan.seed, robot=plan.robot)
+def validate(plan: Plan, task: Task, instance: Instance | None = None) -> list[str]:
+    """What is wrong with a plan; empty when it is sound. Raises InputError when its values cannot be read.
+
+    `instance` is that of the plan, with nothing sampled yet; without it, it is drawn.
+    """
+    instance = instance or task.instance(plan.size, plan.seed, robot=plan.robot)
     adopt(plan, instance)
     problems = _unfounded(plan, instance)
     check_facts = getattr(task.folder.code, "check_facts", None)  # a domain may check claims no replay would test

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gentamp_lp.abstraction.theory import Unseen
+from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.synthesis.fairness import Fairness
@@ -23,12 +24,6 @@ class Failure:
     seed: int
     robot: str
     reason: str
-
-
-class Document(BaseModel):
-    """A JSON object without further keys; the strings after its fields describe them."""
-
-    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 class FeatureEntry(Document):

@@ -162,14 +162,18 @@ class Task:
             raise InputError(Diagnostic(f"the scene cannot be built: {error!r}", self.path, hint=hint)) from error
         with running(self.folder, "make_world"):
             check_world(self.folder, world)
+        return Instance(self, str(size), seed, parameters, world, self._facts(world, seed), frozenset(world.fluents))
+
+    def _facts(self, world: Any, seed: int) -> FactBase:
+        """What is known of a world before anything is sampled."""
         with running(self.folder, "stream_map"):
-            generators = code.stream_map(world, seed)
+            generators = self.folder.code.stream_map(world, seed)
         check_stream_map(self.folder, generators)
         sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)
         base = FactBase(self.folder.domain, self.folder.streams, generators, dict(world.values), sorts)
         for fact in world.static:
             base.add(fact)
-        return Instance(self, str(size), seed, parameters, world, base, frozenset(world.fluents))
+        return base
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +192,10 @@ class Instance:
     def robot(self) -> str:
         """The robot's name."""
         return str(self.world.robot.name)
+
+    def renewed(self) -> Instance:
+        """The same problem in the same world, with nothing sampled or tested yet."""
+        return replace(self, base=self.task._facts(self.world, self.seed))
 
 
 def shipped_tasks() -> list[str]:

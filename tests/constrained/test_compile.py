@@ -268,11 +268,11 @@ def test_sort_predicates_mean_the_same_in_both(learned: Learned) -> None:
 
 
 def test_a_policy_planned_in_its_domain_solves_the_task(unstack: Learned, monkeypatch) -> None:
-    from gentamp_lp.planning import solve as planning
+    from gentamp_lp.planning import guided
 
     def fail(*_: object, **__: object) -> None:
-        raise planning.DeadEnd("not today")
+        raise guided.DeadEnd("not today")
 
-    monkeypatch.setattr(planning.GuidedPlanner, "solve", fail)
+    monkeypatch.setattr(guided.GuidedPlanner, "solve", fail)
     result = solve(unstack.task, "5", 1, policy=unstack.policy, robot="gripper", time_limit=60)
     assert result.valid and result.planner == "constrained domain"

@@ -25,7 +25,8 @@ from gentamp_lp.geometry.robots import Trajectory
 from gentamp_lp.geometry.shapes import GAP, Part, Shape, box
 from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import pose
-from gentamp_lp.planning.solve import _avoided, solve
+from gentamp_lp.planning.solve import solve
+from gentamp_lp.planning.transits import _avoided
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.plans.validate import validate
 from gentamp_lp.policy.policy import Policy
@@ -278,7 +279,7 @@ def test_a_domain_whose_world_avoids_nothing_is_told_the_failure_at_once(monkeyp
     task = Task.load("unstack")
     monkeypatch.setattr(task.folder.code, "plan_transits", fails)
     monkeypatch.setattr(
-        "gentamp_lp.planning.solve._avoided", lambda instance: _avoided(SimpleNamespace(world=object()))
+        "gentamp_lp.planning.transits._avoided", lambda instance: _avoided(SimpleNamespace(world=object()))
     )
     solved = solve(task, 2, seed=0, time_limit=20, motion=True)
     assert solved.plan is None and solved.reason == "no way"
