@@ -15,11 +15,11 @@ from typing import get_args
 from gentamp_lp.abstraction.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.abstraction.facts import LazyPolicy, improvement_facts, relaxed_program, theory_facts
 from gentamp_lp.abstraction.observations import Evidence, parse_evidence
-from gentamp_lp.abstraction.theory import Theory, Unseen, compress
+from gentamp_lp.abstraction.theory import Theory, compress
+from gentamp_lp.base.fairness import LEVELS, Unseen
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.solvers.asp import Answer, Atom, Outcome, Program
-from gentamp_lp.synthesis.fairness import LEVELS
 
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
 

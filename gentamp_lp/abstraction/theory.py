@@ -28,13 +28,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import or_
-from typing import Literal
 
 from gentamp_lp.abstraction.observations import Evidence
 from gentamp_lp.base.bitsets import bits, hitting, minimal, subsets, transpose
 from gentamp_lp.synthesis.sieve import Edge, components, short_loops, sieve
 
-Unseen = Literal["drop", "refuse"]  # outcomes of falling counts that no seen state shows
 _AT_A_TIME = 60
 
 

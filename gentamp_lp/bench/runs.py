@@ -17,13 +17,17 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from statistics import mean, median, stdev
 
+import numpy as np
 from scipy.stats import t as student
 
+from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.version import __version__
 from gentamp_lp.base.writing import write_text, writing
 from gentamp_lp.errors import Diagnostic, InputError
+from gentamp_lp.policy.learn_report import read_report
 from gentamp_lp.solvers.processes import module, start
+from gentamp_lp.tasks.task import Task
 
 MODES = {  # name -> options of `solve`
     "guided": ("--mode", "guided"),
@@ -102,13 +106,41 @@ class Row:
 NAMES = [field.name for field in fields(Row)]
 
 
+def jobs_of(
+    tasks: Iterable[Task], modes: Sequence[str], sizes: Sequence[str], seeds: int, robot: str | None, timeout: float,
+    policies: Path,
+) -> list[Job]:  # fmt: skip
+    """The runs of a comparison: every task, size (those that its file calls `test`, if none are given), seed and mode.
+
+    Raises InputError for an unknown mode, a bad size, or a policy that is missing.
+    """
+    for mode in modes:
+        if mode not in MODES:
+            raise InputError(Diagnostic(f"unknown mode `{mode}`", hint=f"known: {', '.join(MODES)}"))
+    follows = any("unguided" not in MODES[mode] for mode in modes)
+    jobs = []
+    for task in tasks:
+        folder = (policies / task.name).resolve()
+        if follows and not folder.is_dir():
+            hint = f"run `gentamp-lp learn {task.reference}` first"
+            raise InputError(Diagnostic(f"no policy in `{folder}`", hint=hint))
+        for size in sizes or [str(size) for size in task.file.test]:
+            task.parameters(size, np.random.default_rng(0))  # refuses what is no size
+            jobs += [
+                Job(task.reference, size, seed, mode, robot or "", timeout, str(folder))
+                for seed in range(seeds)
+                for mode in modes
+            ]
+    return jobs
+
+
 def run_job(job: Job) -> Row:
     """Make one run in a process of its own, with 4 GB of memory and one thread."""
     words = [
         "solve", job.task, "--size", job.size, "--seed", str(job.seed),
         *MODES[job.mode], "--policy", job.policy, "--timeout", str(job.timeout), "--json", "--quiet",
     ]  # fmt: skip
-    words += ["--robot", job.robot] if job.robot else []
+    words += ["--floor"] + (["--robot", job.robot] if job.robot else [])
     process = start(
         module("gentamp_lp", *words),
         stdout=subprocess.PIPE,
@@ -279,13 +311,30 @@ def _spread(values: Sequence[float]) -> float:
     return float(student.ppf(0.975, len(values) - 1) * stdev(values) / len(values) ** 0.5)
 
 
-def learning_times(folders: Mapping[str, Path]) -> list[dict[str, object]]:
+class LearningTime(Document):
+    """Seconds of learning without demonstrations, and the paper's."""
+
+    task: str
+    seconds: float
+    paper: float | None
+
+
+class BenchReport(Document):
+    """What `bench --json` prints."""
+
+    results: str
+    """path of the table"""
+    figure: str
+    summary: list[Cell]
+    learning: list[LearningTime]
+
+
+def learning_times(folders: Mapping[str, Path]) -> list[LearningTime]:
     """For each task, the seconds of learning without demonstrations, as the paper counts, beside the paper's."""
-    table: list[dict[str, object]] = []
+    table = []
     for task, folder in folders.items():
-        report = folder / "report.json"
-        if report.exists():
-            seconds = json.loads(report.read_text(encoding="utf-8"))["seconds"]
+        if (folder / "report.json").exists():
+            seconds = read_report(folder)["seconds"]
             ours = seconds["total"] - seconds["demonstrations"]
-            table.append({"task": task, "seconds": round(ours, 2), "paper": PAPER_LEARNING.get(task)})
+            table.append(LearningTime(task=task, seconds=round(ours, 2), paper=PAPER_LEARNING.get(task)))
     return table

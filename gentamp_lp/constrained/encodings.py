@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from gentamp_lp.constrained import Encoding
 from gentamp_lp.constrained.local_encoding import PREFIX, Conditions
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.axioms import Features
@@ -48,7 +49,7 @@ def constrained_domain(
     policy: Policy,
     folder: DomainFolder,
     sorts: Mapping[str, tuple[str, ...]],
-    encoding: str = "check",
+    encoding: Encoding = "check",
     initial: Iterable[State] = (),
 ) -> Domain:
     """The constrained domain as a syntax tree; `sorts` gives the sort of every predicate's arguments.

@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterable
 from itertools import pairwise
 
 from gentamp_lp.abstraction.conflict import Attempt, NoPolicy
+from gentamp_lp.base.fairness import LEVELS, Fairness
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.explaining.why_selected import WORDS
 from gentamp_lp.features.pool import Pool
 from gentamp_lp.features.terms import describe, split_formula
-from gentamp_lp.synthesis.fairness import LEVELS, Fairness
 
 _PAIRS = 3  # of states
 _STATES = 6

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.demonstrations.demonstrate import demonstrate
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.open_world import Openness
-from gentamp_lp.features.pool import Pool, PoolSession, Pruned, Reading, check_grammars
+from gentamp_lp.features.pool import Pool, PoolSession, Pruned, PruningEntry, Reading, check_grammars
 from gentamp_lp.features.terms import describe, split_formula
 from gentamp_lp.tasks.task import Task
 
@@ -70,18 +71,37 @@ class Listing:
 
     def report(self) -> dict[str, Any]:
         """The JSON document of the command."""
-        return {
-            "task": self.task,
-            "complexity": self.complexity,
-            "states": self.states,
-            "transitions": self.transitions,
-            "state": self.state,
-            "pool_size": self.statistics["features"],
-            "seconds": round(self.statistics["seconds"], 3),
-            "features": [vars(feature) for feature in self.features],
-            "formulas": [vars(formula) for formula in self.formulas],
-            "pruning": [{"level": row.level, "rule": row.rule, **row.counts} for row in self.pruning],
-        }
+        document = FeaturesReport.model_validate(
+            {
+                "task": self.task,
+                "complexity": self.complexity,
+                "states": self.states,
+                "transitions": self.transitions,
+                "state": self.state,
+                "pool_size": self.statistics["features"],
+                "seconds": round(self.statistics["seconds"], 3),
+                "features": self.features,
+                "formulas": self.formulas,
+                "pruning": [{"level": row.level, "rule": row.rule, **row.counts} for row in self.pruning],
+            }
+        )
+        return document.dump()
+
+
+class FeaturesReport(Document):
+    """What `features --json` prints."""
+
+    task: str
+    complexity: int
+    states: int
+    transitions: int
+    state: str | None
+    """the facts of the state that was asked for"""
+    pool_size: int
+    seconds: float
+    features: list[ListedFeature]
+    formulas: list[ListedFormula]
+    pruning: list[PruningEntry]
 
 
 def list_features(

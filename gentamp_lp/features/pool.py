@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from pydantic import BaseModel, ConfigDict
+
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import Diagnostic, InputError, SolverError
@@ -26,6 +28,16 @@ class Pruned:
     level: str
     rule: str
     counts: dict[str, int]
+
+
+class PruningEntry(BaseModel):
+    """What became of the formulas that a rule made at a level: counts by reason, `new` for those that were kept."""
+
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
+    __pydantic_extra__: dict[str, int]
+
+    level: str
+    rule: str
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from gentamp_lp.learning.clock import Clock
 from gentamp_lp.learning.learned import Learned
 from gentamp_lp.learning.rollouts import Trials, Tried, try_out
 from gentamp_lp.learning.run import Progress, Run
-from gentamp_lp.policy.learn_report import Failure, LearnSettings
+from gentamp_lp.policy.learn_report import Failure
+from gentamp_lp.policy.learn_settings import LearnSettings
 from gentamp_lp.policy.policy import Policy
 from gentamp_lp.tasks.task import Task
 

@@ -15,7 +15,8 @@ from gentamp_lp.features.axioms import Features
 from gentamp_lp.features.open_world import Openness
 from gentamp_lp.features.pool import Pool
 from gentamp_lp.features.values import describe_value, recorded
-from gentamp_lp.policy.learn_report import Failure, LearnReport, LearnSettings
+from gentamp_lp.policy.learn_report import Failure, LearnReport
+from gentamp_lp.policy.learn_settings import LearnSettings
 from gentamp_lp.policy.policy import Policy
 from gentamp_lp.tasks.task import Task
 

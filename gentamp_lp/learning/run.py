@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from gentamp_lp.learning.clock import Clock
-from gentamp_lp.policy.learn_report import LearnSettings
+from gentamp_lp.policy.learn_settings import LearnSettings
 from gentamp_lp.tasks.task import Task
 
 Progress = Callable[[str], None]

@@ -10,6 +10,7 @@ from gentamp_lp.constrained.encodings import constrained_domain, original_step
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
 from gentamp_lp.features.values import situation
 from gentamp_lp.planning.guided import DeadEnd, GuidedPlanner
+from gentamp_lp.planning.modes import Mode
 from gentamp_lp.planning.skeleton import original_steps, skeleton_domain
 from gentamp_lp.planning.unguided import choose, plan_unguided, require_pddlstream, search_unguided
 from gentamp_lp.policy.policy import Policy
@@ -58,7 +59,7 @@ class Search:
             require_pddlstream()
 
     @property
-    def mode(self) -> str:
+    def mode(self) -> Mode:
         """The mode's name."""
         return "skeleton" if self.skeleton is not None else "guided" if self.policy else "unguided"
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 from gentamp_lp.base.documents import Document
 from gentamp_lp.errors import LimitReached
+from gentamp_lp.planning.modes import Engine, Mode
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.tasks.task import Instance
 
@@ -19,6 +20,17 @@ class StreamCalls(Document):
     successes: int
 
 
+class Motion(Document):
+    """How the transits were found."""
+
+    transits: int
+    straight: int
+    """how many of them are"""
+    anew: int
+    """how often steps were chosen again for want of a transit"""
+    seconds: float
+
+
 class SolveReport(Document):
     """What `solve --json` prints."""
 
@@ -27,8 +39,8 @@ class SolveReport(Document):
     parameters: dict[str, int]
     seed: int
     robot: str
-    mode: Literal["guided", "unguided", "skeleton"]
-    engine: Literal["embedded", "pddlstream"]
+    mode: Mode
+    engine: Engine
     planner: str
     """who found the plan"""
     solved: bool
@@ -50,9 +62,8 @@ class SolveReport(Document):
     plan_length: int | None
     plan: list[list[str]] | None
     """one list a step: the action and its arguments"""
-    motion: dict[str, float] | None
-    """with `--motion`: how many `transits` were found, how many of these are `straight`, how often steps were chosen
-    `anew` for want of one, and the `seconds`"""
+    motion: Motion | None
+    """with `--motion`"""
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from pydantic import Field
+
+from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.base.writing import write_text
 from gentamp_lp.errors import Diagnostic, InputError
@@ -15,6 +18,33 @@ from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.semantics import Step
 from gentamp_lp.tasks.domain_folder import running
 from gentamp_lp.tasks.task import Instance
+
+FORMAT: Literal["gentamp-lp plan 1"] = "gentamp-lp plan 1"
+
+
+class PlanStep(Document):
+    """A step of a plan."""
+
+    action: str
+    args: list[str]
+
+
+class PlanFile(Document):
+    """A plan with all that its check needs: the sampled values of its steps and what streams certified of them."""
+
+    format: Literal["gentamp-lp plan 1"]
+    task: str
+    """name of a shipped task, or path of the task file"""
+    size: str
+    seed: int = Field(ge=0)
+    robot: str
+    steps: list[PlanStep]
+    entities: dict[str, dict[str, Any]]
+    """sampled values by name, written by the domain's own `encode`; lengths in metres, angles in radians"""
+    facts: list[list[str]]
+    """predicate and arguments"""
+    transits: list[list[list[float]]] | None = None
+    """with `--motion`: the way to the beginning of each step, as waypoints in the robot's configuration"""
 
 
 @dataclass(frozen=True)
@@ -66,17 +96,20 @@ class Plan:
 
     def to_json(self) -> dict[str, Any]:
         """The plan as JSON data."""
-        return {
-            "format": "gentamp-lp plan 1",
-            "task": self.task,
-            "size": self.size,
-            "seed": self.seed,
-            "robot": self.robot,
-            "steps": [{"action": s.schema, "args": list(s.args)} for s in self.steps],
-            "entities": self.entities,
-            "facts": [list(fact) for fact in self.facts],
-            **({} if self.transits is None else {"transits": list(self.transits)}),
-        }
+        document = PlanFile.model_validate(
+            {
+                "format": FORMAT,
+                "task": self.task,
+                "size": self.size,
+                "seed": self.seed,
+                "robot": self.robot,
+                "steps": [{"action": s.schema, "args": s.args} for s in self.steps],
+                "entities": self.entities,
+                "facts": self.facts,
+                **({} if self.transits is None else {"transits": self.transits}),
+            }
+        )
+        return document.model_dump(mode="json", exclude_unset=True)
 
     def save(self, path: Path) -> None:
         """Write the plan file, whole or not at all."""
@@ -87,7 +120,7 @@ class Plan:
         """Read a plan file. Raises InputError when it is not one."""
         data = read_json(path)
         try:
-            if data["format"] != "gentamp-lp plan 1":
+            if data["format"] != FORMAT:
                 raise InputError(Diagnostic(f"unknown format `{data['format']}`", path, 1))
             return cls(
                 str(data["task"]),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gentamp_lp.base.fairness import LEVELS
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.writing import writing
 from gentamp_lp.errors import Diagnostic, InputError
@@ -21,7 +22,6 @@ from gentamp_lp.policy.drawing import draw
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import atoms
-from gentamp_lp.synthesis.fairness import LEVELS
 
 _HEADER = """\
 % A generalized policy, as ASP facts. Edit it, then check it: gentamp-lp validate <this folder>

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from gentamp_lp.abstraction.theory import Unseen
 from gentamp_lp.base.documents import Document
+from gentamp_lp.base.fairness import Fairness
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.synthesis.fairness import Fairness
+from gentamp_lp.features.pool import PruningEntry
+from gentamp_lp.policy.learn_settings import LearnSettings
 
 
 @dataclass(frozen=True)
@@ -69,46 +70,6 @@ class PoolStatistics(Document):
     views_too_large: int
     """predicates' views left out because they would not fit into memory"""
     seconds: float
-
-
-class PruningEntry(BaseModel):
-    """What became of the formulas that a rule made at a level: counts by reason, `new` for those that were kept."""
-
-    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
-    __pydantic_extra__: dict[str, int]
-
-    level: str
-    rule: str
-
-
-class LearnSettings(Document):
-    """How a policy is learned; null stands for the task's own value, or for `seed` in the place of `solver_seed`."""
-
-    model_config = ConfigDict(frozen=True)
-
-    seed: int = Field(default=0, ge=0)
-    """Same seed, same result."""
-    solver_seed: int | None = Field(default=None, ge=0)
-    """Seed of clingo's search alone [--seed]."""
-    robot: str | None = None
-    """Robot instead of the task's: a name or a .yaml, see docs/robots.md."""
-    grammars: tuple[Annotated[str, BeforeValidator(str)], ...] = ()
-    """Grammar file to add, or the name of a shipped one: paper (repeatable)."""
-    max_complexity: int | None = Field(default=None, ge=1)
-    """Highest cost of a feature [that of the task file]."""
-    around: bool = True
-    """Plans only, or plans and what is around them."""
-    fairness: Fairness = "qnp"
-    """Weakest guarantee to accept."""
-    unseen: Unseen = "drop"
-    """Falling counts may run out or not; what to make of outcomes that no state shows."""
-
-    def changed(self, changes: Mapping[str, Any]) -> LearnSettings:
-        """The settings with other values. Raises InputError, naming the setting, for values that cannot be."""
-        try:
-            return LearnSettings.model_validate({**dict(self), **changes})
-        except ValidationError as error:
-            raise InputError(*(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())) from None
 
 
 class _OfTask(Document):

@@ -20,6 +20,7 @@ from gentamp_lp.plans.validate import adopt, validate
 from gentamp_lp.policy.drawing import draw
 from gentamp_lp.policy.learn_report import read_report
 from gentamp_lp.policy.policy import Policy
+from gentamp_lp.report.document import PageData
 from gentamp_lp.tasks.domain_folder import running
 from gentamp_lp.tasks.task import Task
 
@@ -30,8 +31,8 @@ _NUMBERS = ("states", "transitions", "problems", "pool_size", "complexity", "pro
 def report(
     policy: Policy, folder: Path, task: Task, plan: Plan | None = None, *, cache: bool = True,
     time_limit: float = 600.0, progress: Progress = lambda _: None,
-) -> dict[str, Any]:  # fmt: skip
-    """What the page shows, as JSON data.
+) -> PageData:  # fmt: skip
+    """What the page shows.
 
     The demonstrations come from the cache, or are planned again with the bundle's settings. Raises InputError for a
     plan of another task or one that is not valid, and what `demonstrate` raises.
@@ -52,33 +53,35 @@ def report(
     ]
     if plan is not None:
         runs.insert(0, _planned(policy, task, plan, progress))
-    return {
-        "task": policy.task,
-        "description": task.file.description,
-        "goal": " ".join(task.file.goal.split()),
-        "proof": f"cost {policy.cost}, "
-        + ("proved optimal" if policy.optimal else f"not proved optimal (at least {policy.bound})"),
-        "fairness": policy.fairness,
-        "graph": draw(policy, legend=False),
-        "features": [vars(row) for row in explain(policy, folder)],
-        "states": _states(policy),
-        "ends": [
-            {"feature": step.feature, "states": [policy.show(look) for look in step.states]}
-            for step in policy.certificate
-        ],
-        "runs": runs,
-        "numbers": {name: told[name] for name in _NUMBERS if told.get(name) is not None},
-        "seconds": told.get("seconds", {}),
-        "pruning": told.get("pruning", []),
-        "notes": [*told.get("notes", []), *_differs(data, told)],
-    }
+    return PageData.model_validate(
+        {
+            "task": policy.task,
+            "description": task.file.description,
+            "goal": " ".join(task.file.goal.split()),
+            "proof": f"cost {policy.cost}, "
+            + ("proved optimal" if policy.optimal else f"not proved optimal (at least {policy.bound})"),
+            "fairness": policy.fairness,
+            "graph": draw(policy, legend=False),
+            "features": [vars(row) for row in explain(policy, folder)],
+            "states": _states(policy),
+            "ends": [
+                {"feature": step.feature, "states": [policy.show(look) for look in step.states]}
+                for step in policy.certificate
+            ],
+            "runs": runs,
+            "numbers": {name: told[name] for name in _NUMBERS if told.get(name) is not None},
+            "seconds": told.get("seconds", {}),
+            "pruning": told.get("pruning", []),
+            "notes": [*told.get("notes", []), *_differs(data, told)],
+        }
+    )
 
 
-def page(document: dict[str, Any]) -> str:
+def page(data: PageData) -> str:
     """The HTML file that shows what `report` collected."""
     parts = {name: (_PAGE / f"report.{name}").read_text(encoding="utf-8") for name in ("html", "css", "js")}
-    data = json.dumps(document, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
-    return Template(parts["html"]).substitute(style=parts["css"], script=parts["js"], data=data)
+    text = json.dumps(data.dump(), ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    return Template(parts["html"]).substitute(style=parts["css"], script=parts["js"], data=text)
 
 
 def _states(policy: Policy) -> list[dict[str, Any]]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from gentamp_lp.base.documents import Document
+from gentamp_lp.base.fairness import LEVELS, Fairness
 from gentamp_lp.base.reading import read_json
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.synthesis.fairness import LEVELS
 from gentamp_lp.synthesis.problem import Problem
 from gentamp_lp.synthesis.reading import Source, parse_problem
 from gentamp_lp.synthesis.solving import Synthesis
@@ -21,31 +22,73 @@ from gentamp_lp.synthesis.solving import Synthesis
 FORMAT = "gentamp-lp policy certificate"
 
 
+class CertificateRule(Document):
+    """What the policy does in a state, and what may come of it."""
+
+    state: str
+    action: str
+    outcomes: list[str]
+    con_A: list[str]
+    """fairness constraints of which the action is a premise: counts that it lowers"""
+    con_B: list[str]
+    """fairness constraints that the action breaks: counts that it raises"""
+
+
+class Deletion(Document):
+    """A step of the proof that the policy ends: among these states the constraint removes its actions."""
+
+    constraint: str
+    states: list[str]
+
+
+class SourceText(Document):
+    """A file of the problem."""
+
+    name: str
+    text: str
+
+
+class Certificate(Document):
+    """A policy and why it is right, with the text of its problem."""
+
+    format: Literal["gentamp-lp policy certificate"]
+    version: Literal[1]
+    fairness: Fairness
+    initial: list[str]
+    rules: list[CertificateRule]
+    deletions: list[Deletion]
+    """in this order"""
+    sources: list[SourceText]
+
+
 def certificate(found: Synthesis, sources: Sequence[Source]) -> dict[str, Any]:
     """Return the certificate of a policy that was found."""
     problem = found.problem
     name, constraint = problem.states, problem.constraints
-    return {
-        "format": FORMAT,
-        "version": 1,
-        "fairness": found.fairness,
-        "initial": [name[state] for state in problem.initial],
-        "rules": [
-            {
-                "state": name[state],
-                "action": choice.action,
-                "outcomes": [name[after] for after in choice.outcomes],
-                "con_A": [constraint[i] for i in sorted(choice.lowered)],
-                "con_B": [constraint[i] for i in sorted(choice.raised)],
-            }
-            for state, choice in found.policy.items()
-        ],
-        "deletions": [
-            {"constraint": constraint[cut.variable], "states": [name[state] for state in cut.nodes]}
-            for cut in found.cuts
-        ],
-        "sources": [{"name": source, "text": text} for source, text in sources],
-    }
+    document = Certificate.model_validate(
+        {
+            "format": FORMAT,
+            "version": 1,
+            "fairness": found.fairness,
+            "initial": [name[state] for state in problem.initial],
+            "rules": [
+                {
+                    "state": name[state],
+                    "action": choice.action,
+                    "outcomes": [name[after] for after in choice.outcomes],
+                    "con_A": [constraint[i] for i in sorted(choice.lowered)],
+                    "con_B": [constraint[i] for i in sorted(choice.raised)],
+                }
+                for state, choice in found.policy.items()
+            ],
+            "deletions": [
+                {"constraint": constraint[cut.variable], "states": [name[state] for state in cut.nodes]}
+                for cut in found.cuts
+            ],
+            "sources": [{"name": source, "text": text} for source, text in sources],
+        }
+    )
+    return document.dump()
 
 
 def load_certificate(file: Path) -> dict[str, Any] | None:

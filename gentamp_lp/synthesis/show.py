@@ -4,24 +4,62 @@ from __future__ import annotations
 
 from typing import Any
 
+from gentamp_lp.base.documents import Document
+from gentamp_lp.base.fairness import Fairness
 from gentamp_lp.synthesis.solving import Synthesis
+
+
+class Decision(Document):
+    """What the policy does in a state."""
+
+    state: str
+    action: str
+
+
+class ProblemSize(Document):
+    """How large the problem was."""
+
+    states: int
+    choices: int
+
+
+class SynthesisReport(Document):
+    """What `synthesize --json` prints."""
+
+    solvable: bool | None
+    """null if a limit came first"""
+    fairness: Fairness
+    policy: list[Decision]
+    states: int
+    """states in which the policy acts"""
+    optimal: bool
+    """no policy has fewer states (`--minimize`)"""
+    bound: int
+    problem: ProblemSize
+    seconds: float
+    statistics: dict[str, int]
+    reason: str | None = None
+    """why there is no policy"""
 
 
 def report(found: Synthesis, reason: str | None = None) -> dict[str, Any]:
     """Return the JSON document of `gentamp-lp synthesize`."""
     name = found.problem.states
-    return {
-        "solvable": found.solvable,
-        "fairness": found.fairness,
-        "policy": [{"state": name[state], "action": choice.action} for state, choice in found.policy.items()],
-        "states": len(found.policy),
-        "optimal": found.optimal,
-        "bound": found.bound,
-        "problem": {"states": len(name), "choices": len(found.problem.choices)},
-        "seconds": round(found.seconds, 3),
-        "statistics": found.statistics,
-        **({} if reason is None else {"reason": reason}),
-    }
+    document = SynthesisReport.model_validate(
+        {
+            "solvable": found.solvable,
+            "fairness": found.fairness,
+            "policy": [{"state": name[state], "action": choice.action} for state, choice in found.policy.items()],
+            "states": len(found.policy),
+            "optimal": found.optimal,
+            "bound": found.bound,
+            "problem": {"states": len(name), "choices": len(found.problem.choices)},
+            "seconds": round(found.seconds, 3),
+            "statistics": found.statistics,
+            **({} if reason is None else {"reason": reason}),
+        }
+    )
+    return document.model_dump(mode="json", exclude_unset=True)
 
 
 def text(found: Synthesis) -> str:

@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from gentamp_lp.base.fairness import LEVELS
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
 from gentamp_lp.solvers.asp import Answer, Clause, Outcome, Program
-from gentamp_lp.synthesis.fairness import LEVELS
 from gentamp_lp.synthesis.problem import Choice, Problem
 from gentamp_lp.synthesis.sieve import Cut, Edge, Verdict, short_loops, sieve
 

@@ -35,7 +35,7 @@ def test_an_unknown_action_is_named() -> None:
 
 def test_the_floor_is_below_the_time_in_streams(learned: Learned) -> None:
     """It replays a part of the calls that planning made, and finds the same entities."""
-    result = solve(learned.task, SIZES[learned.task.name], 1, policy=learned.policy)
+    result = solve(learned.task, SIZES[learned.task.name], 1, policy=learned.policy, floor=True)
     report = result.report()
     assert result.plan is not None
     replays = [stream_floor(result.instance, result.plan.steps) for _ in range(3)]  # one may be interrupted

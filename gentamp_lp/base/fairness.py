@@ -10,3 +10,6 @@ Fairness = Literal["strong", "qnp", "strong-cyclic"]
 
 LEVELS: tuple[Fairness, ...] = get_args(Fairness)
 """Strongest first."""
+
+Unseen = Literal["drop", "refuse"]
+"""What to make of outcomes of falling counts that no seen state shows: `drop` them, or `refuse` the policy."""
