@@ -86,20 +86,35 @@ def require_place(folder: Path) -> None:
             raise InputError(Diagnostic("not a policy bundle, and not empty: not replaced", folder, hint=hint))
 
 
+def named_states(policy: PolicyGraph) -> list[tuple[str, Valuation, Rule | None]]:
+    """Return the abstract states of policy.lp, each with its rule: s1, s2, ... as the rules meet them.
+
+    No state should have a second rule; if one has, that rule is written under a second name of the state.
+    """
+    rules: dict[Valuation, Rule] = {}
+    more = []
+    for rule in policy.rules:
+        if rule.valuation in rules:
+            more.append((rule.valuation, rule))
+        else:
+            rules[rule.valuation] = rule
+    looks = dict.fromkeys(
+        [
+            *rules,
+            *(after for rule in policy.rules for after in rule.outcomes),
+            *policy.goals,
+            *policy.initial,
+            *(look for step in policy.certificate for look in step.states),
+        ]
+    )
+    rows = [*((look, rules.get(look)) for look in looks), *more]
+    return [(f"s{i}", *row) for i, row in enumerate(rows, 1)]
+
+
 def policy_facts(policy: PolicyGraph) -> str:
     """Return policy.lp."""
-    states = list(
-        dict.fromkeys(
-            [
-                *(rule.valuation for rule in policy.rules),
-                *(after for rule in policy.rules for after in rule.outcomes),
-                *policy.goals,
-                *policy.initial,
-                *(look for step in policy.certificate for look in step.states),
-            ]
-        )
-    )
-    name = {look: f"s{i}" for i, look in enumerate(states, 1)}
+    states = named_states(policy)
+    name = {look: state for state, look, _ in reversed(states)}
     kind = {feature.name: feature.kind for feature in policy.features}
     lines = [_HEADER, f"task({_quote(policy.task)}).", f"fairness({_quote(policy.fairness)})."]
     lines += [f"cost({policy.cost}).  bound({policy.bound}).  optimal({'yes' if policy.optimal else 'no'})."]
@@ -112,15 +127,14 @@ def policy_facts(policy: PolicyGraph) -> str:
         for feature, positive in action.preconditions.items():
             lines.append(f"precondition({action.name}, {feature}, {_WORDS[kind[feature]][positive]}).")
         lines += [f"effect({action.name}, {feature}, {word})." for feature, word in action.effects.items()]
-    rules = {rule.valuation: rule for rule in policy.rules}
-    for look, state in name.items():
+    for state, look, rule in states:
         lines += ["", f"% {policy.show(look)}"]
         for feature_, positive in zip(policy.features, look, strict=True):
             lines.append(f"value({state}, {feature_.name}, {_WORDS[feature_.kind][positive]}).")
         lines += [f"initial({state})."] * (look in policy.initial) + [f"goal({state})."] * (look in policy.goals)
-        if look in rules:
-            lines.append(f"rule({state}, {rules[look].action}).")
-            lines += [f"outcome({state}, {name[after]})." for after in rules[look].outcomes]
+        if rule is not None:
+            lines.append(f"rule({state}, {rule.action}).")
+            lines += [f"outcome({state}, {name[after]})." for after in rule.outcomes]
     if policy.certificate:
         lines.append("")
     for number, step in enumerate(policy.certificate, 1):

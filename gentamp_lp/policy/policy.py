@@ -12,8 +12,9 @@ from gentamp_lp.abstraction.observations import Evidence, parse_evidence
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.policy.bundle import load, save
 from gentamp_lp.policy.drawing import draw
-from gentamp_lp.policy.guarantee import certify, possible, problems
+from gentamp_lp.policy.guarantee import certify, possible
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
+from gentamp_lp.policy.verdict import problems
 
 __all__ = ["AbstractAction", "CertificateStep", "Feature", "Policy", "Rule", "Valuation"]
 
@@ -54,7 +55,7 @@ class Policy(PolicyGraph):
         return draw(self)
 
     def check(self) -> list[str]:
-        """Verify the guarantee from the rules alone; one sentence for each thing that is wrong."""
+        """Verify the guarantee from the rules alone (asp/certificate.lp); one sentence for each thing that is wrong."""
         return problems(self)
 
     def text(self) -> str:

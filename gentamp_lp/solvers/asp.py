@@ -19,6 +19,7 @@ from gentamp_lp.errors import InputError, SolverError
 from gentamp_lp.solvers.interrupts import Held
 
 Atom = tuple[str, int]
+Term = int | str | tuple["Term", ...]  # a number, the text of a string or name, or (name, *arguments)
 Clause = Iterable[tuple[Atom, bool]]
 _STEP = 0.2  # seconds between two looks at the clock
 
@@ -169,11 +170,7 @@ def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -
 
     Grounding alone computes them, so negation is allowed in stratified programs only.
     """
-    messages: list[str] = []
-    control = clingo.Control(["--warn=all"], logger=lambda code, message: messages.append(message.strip()))
-    _ground(control, files, facts, messages)
-    if messages:
-        raise SolverError("\n".join(messages))
+    control = _grounded(files, facts)
     return {
         name: sorted(
             tuple(argument.number for argument in atom.symbol.arguments)
@@ -181,6 +178,36 @@ def consequences(files: Sequence[Path], facts: str, wanted: Mapping[str, int]) -
         )
         for name, arity in wanted.items()
     }
+
+
+def deduce(files: Sequence[Path], facts: str) -> dict[str, list[tuple[Term, ...]]]:
+    """Return what a program without choices shows: for each predicate the arguments of its atoms, in clingo's order."""
+    shown: list[clingo.Symbol] = []
+    control = _grounded(files, facts)
+    with Held():
+        control.solve(on_model=lambda model: shown.extend(model.symbols(shown=True)))
+    found: dict[str, list[tuple[Term, ...]]] = {}
+    for symbol in sorted(shown):
+        found.setdefault(symbol.name, []).append(tuple(map(_term, symbol.arguments)))
+    return found
+
+
+def _term(symbol: clingo.Symbol) -> Term:
+    if symbol.type == clingo.SymbolType.Number:
+        return symbol.number
+    if symbol.type == clingo.SymbolType.String:
+        return symbol.string
+    return (symbol.name, *map(_term, symbol.arguments)) if symbol.arguments else symbol.name
+
+
+def _grounded(files: Sequence[Path], facts: str) -> clingo.Control:
+    """Ground a program; whatever clingo has to say of it is an error."""
+    messages: list[str] = []
+    control = clingo.Control(["--warn=all"], logger=lambda code, message: messages.append(message.strip()))
+    _ground(control, files, facts, messages)
+    if messages:
+        raise SolverError("\n".join(messages))
+    return control
 
 
 def _ground(control: clingo.Control, files: Iterable[Path], facts: str, messages: list[str]) -> None:

@@ -5,10 +5,10 @@ import pytest
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.solvers.asp import Program
 
-ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp")
+ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp", "certificate.lp")
 FILES = sorted(
     path
-    for folder in ("", "abstraction", "reference", "synthesis", "qnp")
+    for folder in ("", "abstraction", "reference", "synthesis", "qnp", "certificate")
     for path in resource("asp", folder).glob("*.lp")
     if folder or path.name in ENTRIES
 )
