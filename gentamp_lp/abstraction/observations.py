@@ -58,6 +58,7 @@ class Evidence:
     transitions: dict[int, Transition]
     candidates: dict[int, tuple[int, ...]]
     schemas: dict[int, str]
+    problems: dict[int, int]  # the problem in which each state was seen
 
     @property
     def frontier(self) -> list[int]:
@@ -104,9 +105,28 @@ def parse_evidence(facts: str) -> Evidence:
         transitions={t: Transition(t, *ends, inc=inc[t], dec=dec[t]) for t, ends in sorted(transitions.items())},
         candidates=_candidates(_marked(rows["candidate"], transitions, "candidate", "transition"), transitions),
         schemas={int(t): name.strip().strip('"') for t, name in rows["action"]},
+        problems={int(s): int(problem) for s, problem in rows["state"]},
     )
     _check(evidence)
     return evidence
+
+
+def evidence_facts(evidence: Evidence, features: int) -> str:
+    """Return the facts of which `parse_evidence` makes this evidence, of the features in a mask only."""
+    known = {i: evidence.features[i] for i in bits(features)}
+    lines = [f"feature({f.id},{f.cost},{f.kind}). size({f.id},{f.size})." for f in known.values()]
+    for state, values in evidence.states.items():
+        lines.append(f"state({state},{evidence.problems[state]}).")
+        lines += [f"pos({known[i].id},{state})." for i in bits(values & features)]
+    lines += [f"initial({state})." for state in sorted(evidence.initial)]
+    lines += [f"goal({state})." for state in sorted(evidence.goals)]
+    for t in evidence.transitions.values():
+        lines.append(f"transition({t.id},{t.source},{t.target}).")
+        lines += [f"inc({known[i].id},{t.id})." for i in bits(t.inc & features)]
+        lines += [f"dec({known[i].id},{t.id})." for i in bits(t.dec & features)]
+    lines += [f"candidate({t})." for numbers in evidence.candidates.values() for t in numbers]
+    lines += [f'action({t},"{schema}").' for t, schema in evidence.schemas.items()]
+    return "\n".join(lines) + "\n"
 
 
 def _rows(facts: str) -> dict[str, list[tuple[str, ...]]]:

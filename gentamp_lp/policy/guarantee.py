@@ -7,13 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, Rule, Valuation
 from gentamp_lp.synthesis.sieve import Edge, components, sieve
 
-_RAISES = {"increase": True, "true": True, "decrease": False, "false": False}
-
-
-def possible(before: bool, word: str, now: bool) -> bool:
-    """Whether a feature can have this value after this effect: a falling count may or may not reach zero."""
-    return word == "decrease" or now == _RAISES.get(word, before)
-
 
 def _edges(rules: Sequence[Rule], actions: Mapping[str, AbstractAction], names: Sequence[str]) -> list[Edge[Valuation]]:
     position = {name: i for i, name in enumerate(names)}

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.abstraction.choose import Solution
-from gentamp_lp.abstraction.observations import Evidence, parse_evidence
+from gentamp_lp.abstraction.observations import Evidence, evidence_facts, parse_evidence
+from gentamp_lp.base.shipped import resource
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.policy.bundle import load, save
 from gentamp_lp.policy.drawing import draw
-from gentamp_lp.policy.guarantee import certify, possible
+from gentamp_lp.policy.guarantee import certify
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
 from gentamp_lp.policy.verdict import problems
+from gentamp_lp.solvers.asp import Term, deduce
 
 __all__ = ["AbstractAction", "CertificateStep", "Feature", "Policy", "Rule", "Valuation"]
 
@@ -91,25 +94,19 @@ class Policy(PolicyGraph):
 
 
 class _Builder:
-    """Project the sample onto the selected features."""
+    """The answer of `asp/policy.lp`, in the order of a walk, with names: f1, ... for features, a1, ... for actions."""
 
     def __init__(self, solution: Solution, evidence: Evidence) -> None:
         self.solution, self.evidence = solution, evidence
-        self.bits = [evidence.bit(feature) for feature in solution.features]
-        self.names = [f"f{i}" for i in range(1, len(self.bits) + 1)]
-        self.kinds = [evidence.features[bit].kind for bit in self.bits]
-
-    def look(self, state: int) -> Valuation:
-        return tuple(bool(self.evidence.states[state] >> bit & 1) for bit in self.bits)
-
-    def effect(self, number: int) -> tuple[str, ...]:
-        """Return the change of each selected feature along a transition, empty where there is none."""
-        step = self.evidence.transitions[number]
-        words = {"boolean": ("true", "false"), "numeric": ("increase", "decrease")}
-        return tuple(
-            words[kind][0] if step.inc >> bit & 1 else words[kind][1] if step.dec >> bit & 1 else ""
-            for bit, kind in zip(self.bits, self.kinds, strict=True)
-        )
+        self.names: dict[Term, str] = {feature: f"f{i}" for i, feature in enumerate(solution.features, 1)}
+        mask = sum(1 << evidence.bit(feature) for feature in solution.features)
+        chosen = [f"selected({feature})." for feature in solution.features]
+        chosen += [f"chosen({number})." for number in solution.chosen]
+        facts = evidence_facts(evidence, mask) + "\n".join(chosen)
+        self.found = defaultdict(list, deduce([resource("asp", "policy.lp")], facts))
+        self.look: dict[Term, Valuation] = defaultdict(tuple)
+        for state, _, word in self.found["value"]:
+            self.look[state] += (word in ("true", "positive"),)
 
     def build(
         self,
@@ -119,53 +116,39 @@ class _Builder:
         variables: Mapping[int, tuple[str | None, str | None]],
         extra: dict[str, Any],
     ) -> Policy:
-        evidence = self.evidence
+        known = {feature.id: feature for feature in self.evidence.features}
         features = tuple(
-            Feature(name, kind, evidence.features[bit].cost, formulas[i], *variables.get(i, (None, None)), texts[i])
-            for name, kind, bit, i in zip(self.names, self.kinds, self.bits, self.solution.features, strict=True)
+            Feature(name, known[i].kind, known[i].cost, formulas[i], *variables.get(i, (None, None)), texts[i])
+            for i, name in zip(self.solution.features, self.names.values(), strict=True)
         )
-        moves: dict[Valuation, list[int]] = {}
-        for number in self.solution.chosen:
-            moves.setdefault(self.look(evidence.transitions[number].source), []).append(number)
-        seen = sorted({self.look(state) for state in evidence.states}, reverse=True)
-        initial = tuple(sorted({self.look(state) for state in evidence.initial}, reverse=True))
-        goals = tuple(sorted({self.look(state) for state in evidence.goals}, reverse=True))
-        effects = {look: self.effect(numbers[0]) for look, numbers in moves.items()}
-        outcomes = {
-            look: tuple(after for after in seen if self.reaches(look, effect, after))
-            for look, effect in effects.items()
-        }
+        initial, goals = (_sorted(self.look[state] for (state,) in self.found[name]) for name in ("initial", "goal"))
+        does = {self.look[state]: action for state, action in self.found["rule"]}
+        after: dict[Valuation, list[Valuation]] = {look: [] for look in does}
+        for state, outcome in self.found["outcome"]:
+            after[self.look[state]].append(self.look[outcome])
+        outcomes = {look: _sorted(seen) for look, seen in after.items()}
         order = _breadth_first(initial, outcomes)
-        actions = self.actions(order, effects, moves)
-        name = {effect: action.name for effect, action in actions.items()}
-        rules = tuple(Rule(look, name[effects[look]], outcomes[look]) for look in order)
-        level, certificate = certify(rules, actions.values(), self.names)
+        name = {term: f"a{i}" for i, term in enumerate(dict.fromkeys(does[look] for look in order), 1)}
+        actions = tuple(self.action(term, name[term]) for term in name)
+        rules = tuple(Rule(look, name[does[look]], outcomes[look]) for look in order)
+        level, certificate = certify(rules, actions, list(self.names.values()))
         return Policy(
-            task, features, tuple(actions.values()), rules, goals, initial, level, certificate,
+            task, features, actions, rules, goals, initial, level, certificate,
             self.solution.optimal, self.solution.cost, self.solution.bound, extra,
         )  # fmt: skip
 
-    def reaches(self, look: Valuation, effect: tuple[str, ...], after: Valuation) -> bool:
-        return all(possible(before, word, now) for before, word, now in zip(look, effect, after, strict=True))
+    def action(self, term: Term, name: str) -> AbstractAction:
+        return AbstractAction(
+            name,
+            {self.names[f]: word in ("true", "positive") for a, f, word in self.found["precondition"] if a == term},
+            {self.names[f]: str(word) for a, f, word in self.found["effect"] if a == term},
+            tuple(sorted(str(schema) for a, schema in self.found["schema"] if a == term)),
+        )
 
-    def actions(
-        self,
-        order: Sequence[Valuation],
-        effects: Mapping[Valuation, tuple[str, ...]],
-        moves: Mapping[Valuation, list[int]],
-    ) -> dict[tuple[str, ...], AbstractAction]:
-        """Return one abstract action for each effect, with the conditions its states agree on."""
-        actions: dict[tuple[str, ...], AbstractAction] = {}
-        for effect in dict.fromkeys(effects[look] for look in order):
-            looks = [look for look in order if effects[look] == effect]
-            schemas = {self.evidence.schemas.get(number, "") for look in looks for number in moves[look]} - {""}
-            actions[effect] = AbstractAction(
-                f"a{len(actions) + 1}",
-                {n: looks[0][i] for i, n in enumerate(self.names) if len({look[i] for look in looks}) == 1},
-                {n: word for n, word in zip(self.names, effect, strict=True) if word},
-                tuple(sorted(schemas)),
-            )
-        return actions
+
+def _sorted(looks: Iterable[Valuation]) -> tuple[Valuation, ...]:
+    """Order abstract states, positive values first, each once."""
+    return tuple(sorted(set(looks), reverse=True))
 
 
 def _breadth_first(initial: Sequence[Valuation], outcomes: Mapping[Valuation, Sequence[Valuation]]) -> list[Valuation]:

@@ -5,7 +5,7 @@ import pytest
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.solvers.asp import Program
 
-ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp", "certificate.lp")
+ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp", "certificate.lp", "policy.lp")
 FILES = sorted(
     path
     for folder in ("", "abstraction", "reference", "synthesis", "qnp", "certificate")
@@ -33,4 +33,4 @@ def test_header(path):
 def test_every_concern_is_in_an_entry_file():
     entries = "".join(resource("asp", name).read_text() for name in ENTRIES)
     for path in FILES:
-        assert path.name in ENTRIES or f'"{path.parent.name}/{path.name}"' in entries
+        assert path.parent.name == "asp" or f'"{path.parent.name}/{path.name}"' in entries
