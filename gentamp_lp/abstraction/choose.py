@@ -15,8 +15,9 @@ from typing import get_args
 from gentamp_lp.abstraction.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.abstraction.facts import LazyPolicy, improvement_facts, relaxed_program, theory_facts
 from gentamp_lp.abstraction.observations import Evidence, parse_evidence
+from gentamp_lp.abstraction.reference import reference_program
 from gentamp_lp.abstraction.theory import Theory, compress
-from gentamp_lp.base.fairness import LEVELS, Unseen
+from gentamp_lp.base.fairness import LEVELS, ProgramName, Unseen
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError, LimitReached
 from gentamp_lp.solvers.asp import Answer, Atom, Outcome, Program
@@ -52,6 +53,7 @@ def synthesize_policy(
     seed: int = 0,
     improve: tuple[int, int] | None = None,
     explain: bool = True,
+    program: str = "lazy",
     progress: Callable[[str], None] | None = None,
 ) -> Solution:
     """Return the cheapest abstraction with a policy for every expanded state of the sample.
@@ -62,58 +64,30 @@ def synthesize_policy(
     with the shortest formulas, then the fewest features, then the fewest policy rules, then the smallest numbers is
     returned, whatever the seed (if more than 200 tie, of the first 200). `improve` = (cost, level) asks only for
     answers that cost less and use a feature whose cost exceeds the level: what a deeper pool can add to an optimum
-    over a shallower one. The effort for that is limited by a number of conflicts.
+    over a shallower one. The effort for that is limited by a number of conflicts. `program` = "reference" asks the
+    complete program, which gives the same answer where the sample is small enough.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
-    before any answer; an answer not proved optimal in time (or before Ctrl-C) comes back with `optimal`
-    False and a lower `bound`.
+    before any answer, or if the sample is too large for the reference program. An answer not proved optimal in time
+    (or before Ctrl-C) comes back with `optimal` False and a lower `bound`.
     """
-    if fairness not in LEVELS:
-        raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(LEVELS)}")
-    if unseen not in get_args(Unseen):
-        raise InputError(f"unknown treatment of unseen outcomes {unseen!r}: one of {', '.join(get_args(Unseen))}")
+    _require_known(fairness, unseen, program)
     say = progress or (lambda message: None)
     clock = _Clock(time_limit)
     evidence = parse_evidence(facts) if isinstance(facts, str) else facts
     require_separable_goals(evidence)
     theory = compress(evidence, fairness, unseen)
-    lazy = LazyPolicy(theory)
-    watch = _Watch(say)
-    program = Program(
-        [resource("asp", "abstraction.lp")],
-        theory_facts(theory) + improvement_facts(theory, improve),
-        options=[
-            "--configuration=trendy",  # the one of clasp's that is never slow
-            "--opt-strategy=usc,oll,disjoint,stratify",  # disjoint cores first: Transport 2-15 s, without 12-42
-            "--opt-mode=optN",
-            "--project=project",
-            "0",
-            *_random(seed),
-            *_effort(improve),
-        ],
-        theory=lazy,
-    )
+    grounded = _ground(theory, program, improve, seed)
     prepared = clock.now()
     say(f"{theory.features.bit_count()} features, {len(theory.expanded)} state classes")
-    outcome = program.solve(
-        limit=clock.left(),
-        on_answer=watch.report,
-        on_bound=watch.bound,
-    )
+    watch = _Watch(say)
+    outcome = grounded.solve(limit=clock.left(), on_answer=watch.report, on_bound=watch.bound)
     if not outcome.answers:
-        if not outcome.complete:
-            raise LimitReached(f"no policy found within the limit; {_reached(outcome)}")
-        if improve is not None:
-            raise NoPolicy(f"no abstraction with a deeper feature costs less than {improve[0]}")
-        if not explain:
-            raise NoPolicy("no abstraction of the pool has a policy")
-        left = clock.left()
-        raise find_conflict(theory, _EXPLAIN if left is None else min(_EXPLAIN, left))
+        raise _failure(outcome, theory, improve, explain, clock)
     best = _best(outcome.answers, theory)
     bound = max(outcome.bound[0], 0) if outcome.bound else 0
     optimal = best.optimal or outcome.complete or bound >= best.cost[0]
     chosen = _first_choice(theory, best.atoms["selected"])
-    solved = clock.now()
     return Solution(
         features=best.atoms["selected"],
         cost=best.cost[0],
@@ -121,16 +95,57 @@ def synthesize_policy(
         optimal=optimal,
         chosen=chosen,
         by_user=outcome.by_user,
-        seconds={"theory": prepared, "solving": solved - prepared},
+        seconds={"theory": prepared, "solving": clock.now() - prepared},
         statistics={
             "pool_classes": theory.features.bit_count(),
             "state_classes": len(theory.expanded),
             "frontier_states": len(theory.frontier),
             "ties": len({answer.atoms["selected"] for answer in outcome.answers if answer.optimal}),
-            **program.statistics(),
+            **grounded.statistics(),
         },
         theory=theory,
     )
+
+
+def _require_known(fairness: str, unseen: str, program: str) -> None:
+    """Raise InputError for a word that means nothing."""
+    if fairness not in LEVELS:
+        raise InputError(f"unknown fairness {fairness!r}: one of {', '.join(LEVELS)}")
+    if unseen not in get_args(Unseen):
+        raise InputError(f"unknown treatment of unseen outcomes {unseen!r}: one of {', '.join(get_args(Unseen))}")
+    if program not in get_args(ProgramName):
+        raise InputError(f"unknown program {program!r}: one of {', '.join(get_args(ProgramName))}")
+
+
+def _failure(
+    outcome: Outcome, theory: Theory, improve: tuple[int, int] | None, explain: bool, clock: _Clock
+) -> NoPolicy | LimitReached:
+    """Why a search has no answer."""
+    if not outcome.complete:
+        return LimitReached(f"no policy found within the limit; {_reached(outcome)}")
+    if improve is not None:
+        return NoPolicy(f"no abstraction with a deeper feature costs less than {improve[0]}")
+    if not explain:
+        return NoPolicy("no abstraction of the pool has a policy")
+    left = clock.left()
+    return find_conflict(theory, _EXPLAIN if left is None else min(_EXPLAIN, left))
+
+
+def _ground(theory: Theory, program: str, improve: tuple[int, int] | None, seed: int) -> Program:
+    """Return the program over the sample, ready to be solved."""
+    options = [
+        "--configuration=trendy",  # the one of clasp's that is never slow
+        "--opt-strategy=usc,oll,disjoint,stratify",  # disjoint cores first: Transport 2-15 s, without 12-42
+        "--opt-mode=optN",
+        "--project=project",
+        "0",
+        *_random(seed),
+    ]
+    if program == "reference":
+        return reference_program(theory, improve, options)
+    facts = theory_facts(theory) + improvement_facts(theory, improve)
+    options += _effort(improve)
+    return Program([resource("asp", "abstraction.lp")], facts, options=options, theory=LazyPolicy(theory))
 
 
 class _Clock:

@@ -13,3 +13,6 @@ LEVELS: tuple[Fairness, ...] = get_args(Fairness)
 
 Unseen = Literal["drop", "refuse"]
 """What to make of outcomes of falling counts that no seen state shows: `drop` them, or `refuse` the policy."""
+
+ProgramName = Literal["lazy", "reference"]
+"""The ASP program that selects features: `asp/abstraction.lp` with lazy clauses, or `asp/reference.lp`; same answer."""

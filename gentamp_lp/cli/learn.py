@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from gentamp_lp.base.fairness import ProgramName
 from gentamp_lp.cli.options import CacheOpt, JsonOpt, QuietOpt, TrustOpt, options_of
 from gentamp_lp.cli.output import Progress, messages, print_json, say
 from gentamp_lp.errors import Diagnostic, InputError
@@ -28,6 +29,10 @@ def learn(
         typer.Option("--refine", help="Bundle to learn again, also from the problems on which `solve` failed with it."),
     ] = None,
     settings: Any = None,
+    program: Annotated[
+        ProgramName,
+        typer.Option(help="ASP program: `reference` is complete without clauses added on the way; for few data."),
+    ] = "lazy",
     time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for everything.")] = 600.0,
     cache: CacheOpt = True,
     json_: JsonOpt = False,
@@ -56,7 +61,13 @@ def learn(
     folder = out or refine or Path("runs", loaded.name)
     require_place(folder)  # before minutes of learning, not after
     learned = run(
-        loaded, LearnSettings().changed(settings), time_limit=time_limit, cache=cache, progress=Progress(quiet), **again
+        loaded,
+        LearnSettings().changed(settings),
+        program=program,
+        time_limit=time_limit,
+        cache=cache,
+        progress=Progress(quiet),
+        **again,
     )
     learned.save(folder)
     if json_:

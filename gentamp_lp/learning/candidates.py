@@ -88,6 +88,7 @@ def _cheapest(run: Run, data: Dataset, pool: Pool, level: int, best: Candidate |
             seed=settings.seed if settings.solver_seed is None else settings.solver_seed,
             improve=(best.solution.cost, level - 1) if best else None,
             explain=level == run.highest,
+            program=run.program,
             progress=run.progress,
         )
     run.clock.move("solving", "theory", solution.seconds["theory"])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import count
 from typing import Any
 
+from gentamp_lp.base.fairness import ProgramName
 from gentamp_lp.constrained.encodings import constrained_domain, doubtful, to_text
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.demonstrations.demonstrate import demonstrate
@@ -33,6 +34,7 @@ def learn(
     start: Policy | None = None,
     time_limit: float = 600.0,
     cache: bool = True,
+    program: ProgramName = "lazy",
     progress: Progress = lambda _: None,
     **changes: Any,
 ) -> Learned:
@@ -40,10 +42,11 @@ def learn(
 
     Settings may be given by name, too: `learn(task, seed=1, max_complexity=4)`; `LearnSettings` says what there is. A
     policy must also solve the problems of `failures`; where `start` fails on them, its failing states are learned from
-    at once. `time_limit` bounds demonstrations and each pool and solver call, in seconds. Raises NoAnswer with an
-    explanation when no policy exists over the pool, LimitReached when the limit ends without one.
+    at once. `time_limit` bounds demonstrations and each pool and solver call, in seconds. `program` = "reference" gives
+    the same policy by the complete ASP program, where the data are few. Raises NoAnswer with an explanation when no
+    policy exists over the pool, LimitReached when the limit ends without one or the data are too many.
     """
-    run = Run(task, settings.changed(changes), Clock(time_limit), progress)
+    run = Run(task, settings.changed(changes), Clock(time_limit), progress, program)
     check_grammars(run.grammars)  # before minutes of planning, not after
     with run.clock.stage("demonstrations"):
         data = _demonstrations(run, time_limit, cache)

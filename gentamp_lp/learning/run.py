@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from gentamp_lp.base.fairness import ProgramName
 from gentamp_lp.learning.clock import Clock
 from gentamp_lp.policy.learn_settings import LearnSettings
 from gentamp_lp.tasks.task import Task
@@ -16,12 +17,13 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Run:
-    """A task and how a policy for it is learned."""
+    """A task and how a policy for it is learned; the result does not depend on `program`, if there is one."""
 
     task: Task
     settings: LearnSettings
     clock: Clock
     progress: Progress
+    program: ProgramName = "lazy"
 
     @cached_property
     def grammars(self) -> list[Path]:
