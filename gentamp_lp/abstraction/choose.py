@@ -87,13 +87,12 @@ def synthesize_policy(
     best = _best(outcome.answers, theory)
     bound = max(outcome.bound[0], 0) if outcome.bound else 0
     optimal = best.optimal or outcome.complete or bound >= best.cost[0]
-    chosen = _first_choice(theory, best.atoms["selected"])
     return Solution(
         features=best.atoms["selected"],
         cost=best.cost[0],
         bound=best.cost[0] if optimal else bound,
         optimal=optimal,
-        chosen=chosen,
+        chosen=_first_choice(theory, best.atoms["selected"]),
         by_user=outcome.by_user,
         seconds={"theory": prepared, "solving": clock.now() - prepared},
         statistics={
