@@ -1,6 +1,7 @@
 """The lazy program against brute force and against the declarative reference, on random tiny samples."""
 
 import random
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,7 @@ from helpers.brute import Sample
 
 from gentamp_lp.abstraction.choose import NoPolicy, synthesize_policy
 from gentamp_lp.abstraction.facts import theory_facts
-from gentamp_lp.abstraction.observations import parse_evidence
+from gentamp_lp.abstraction.observations import evidence_facts, parse_evidence
 from gentamp_lp.abstraction.theory import compress
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.solvers.asp import Program
@@ -80,6 +81,38 @@ def test_the_declarative_reference_agrees(fairness, unseen):
             assert answers[-1].cost == optima[0][:3], f"sample {seed}"
             assert answers[-1].atoms.get("selected") in [row[4] for row in optima if row[:3] == optima[0][:3]]
     assert found > 20
+
+
+@pytest.mark.parametrize("fairness, unseen", [*((level, "drop") for level in LEVELS), ("qnp", "refuse")])
+def test_a_candidate_is_refuted_exactly_where_the_reference_forbids_it(fairness, unseen):
+    """Any features and moves, not only optimal ones: clauses in Python against the rules they stand for."""
+    constants = ["-c", f"fairness={fairness.replace('-', '_')}", "-c", f"unseen={unseen}"]
+    verdicts = Counter()
+    for seed in range(250):
+        rng = random.Random(80_000 + seed)
+        evidence = parse_evidence(Sample(rng, features=(2, 4)).facts())
+        theory = compress(evidence, fairness, unseen)
+        selection = theory.features & rng.choice([rng.getrandbits(8), -1, -1])
+        moves = {state.id: rng.choice(state.moves) for state in theory.expanded}
+        chosen = [
+            next(t for t in options if same_change(evidence.transitions[t], moves[theory.home[s]], theory.features))
+            for s, options in evidence.candidates.items()
+        ]
+        fixed = [f":- selected({f}).\n" for f in evidence.ids(theory.features & ~selection)]
+        fixed += [f":- not selected({f}).\n" for f in evidence.ids(selection)]
+        fixed += [f":- not chosen({transition}).\n" for transition in chosen]
+        facts = evidence_facts(evidence, theory.features) + "".join(fixed)
+        program = Program([resource("asp", "reference.lp")], facts, options=constants)
+        allowed = bool(program.solve(optimize=False).answers)
+        idle = any(not (move.inc | move.dec) & selection for move in moves.values())  # asp/abstraction/moves.lp
+        refuted = idle or theory.refute(selection, {state: move.id for state, move in moves.items()})
+        assert allowed == (not refuted), f"sample {seed}: {refuted}"
+        verdicts[allowed] += 1
+    assert min(verdicts[True], verdicts[False]) > 10
+
+
+def same_change(transition, move, features):
+    return not ((transition.inc ^ move.inc) | (transition.dec ^ move.dec)) & features
 
 
 def test_covers_are_consequences():
