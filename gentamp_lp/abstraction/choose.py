@@ -65,10 +65,10 @@ def synthesize_policy(
     returned, whatever the seed (if more than 200 tie, of the first 200). `improve` = (cost, level) asks only for
     answers that cost less and use a feature whose cost exceeds the level: what a deeper pool can add to an optimum
     over a shallower one. The effort for that is limited by a number of conflicts. `program` = "reference" asks the
-    complete program, which gives the same answer where the sample is small enough.
+    complete program, which gives the same answer where the data are few enough.
 
     Raises NoPolicy, which names the states at fault unless `explain` is off, or LimitReached if the limit ends
-    before any answer, or if the sample is too large for the reference program. An answer not proved optimal in time
+    before any answer, or if the data are too many for the reference program. An answer not proved optimal in time
     (or before Ctrl-C) comes back with `optimal` False and a lower `bound`.
     """
     _require_known(fairness, unseen, program)
@@ -131,7 +131,7 @@ def _failure(
 
 
 def _ground(theory: Theory, program: str, improve: tuple[int, int] | None, seed: int) -> Program:
-    """Return the program over the sample, ready to be solved."""
+    """Return the program over the training data, ready to be solved."""
     options = [
         "--configuration=trendy",  # the one of clasp's that is never slow
         "--opt-strategy=usc,oll,disjoint,stratify",  # disjoint cores first: Transport 2-15 s, without 12-42

@@ -1,4 +1,4 @@
-"""The complete program `asp/reference.lp` on a sample: all pairs of states are written out, nothing is added lazily.
+"""The complete program `asp/reference.lp`: all pairs of states are written out, nothing is added lazily.
 
 It is given the features that compression keeps, and all states and transitions as they were seen.
 """
@@ -20,7 +20,7 @@ LARGEST = 3_000_000  # instances of the longest rules: some 40 seconds and 1.5 G
 def reference_program(theory: Theory, improve: tuple[int, int] | None, options: Sequence[str]) -> Program:
     """Return the grounded program, whose answers are those of `asp/abstraction.lp`.
 
-    Raises LimitReached when the sample is too large for it.
+    Raises LimitReached when there are too many data for it.
     """
     _require_small(theory)
     files = [resource("asp", "reference.lp")]

@@ -98,7 +98,7 @@ def named_states(policy: PolicyGraph) -> list[tuple[str, Valuation, Rule | None]
             more.append((rule.valuation, rule))
         else:
             rules[rule.valuation] = rule
-    looks = dict.fromkeys(
+    valuations = dict.fromkeys(
         [
             *rules,
             *(after for rule in policy.rules for after in rule.outcomes),
@@ -107,7 +107,7 @@ def named_states(policy: PolicyGraph) -> list[tuple[str, Valuation, Rule | None]
             *(look for step in policy.certificate for look in step.states),
         ]
     )
-    rows = [*((look, rules.get(look)) for look in looks), *more]
+    rows = [*((valuation, rules.get(valuation)) for valuation in valuations), *more]
     return [(f"s{i}", *row) for i, row in enumerate(rows, 1)]
 
 

@@ -8,8 +8,9 @@ from gentamp_lp.policy.model import PolicyGraph
 from gentamp_lp.solvers.asp import Term, deduce
 
 # A sentence for each wrong(Reason), most telling first; of its arguments, {s[0]} is a state and {t[0]} something else.
-_SENTENCES = {
+SENTENCES = {
     "no_level": "unknown level of fairness: {fairness}",
+    "many_features": "{t[0]} features are too many to check",
     "no_feature": "no feature {t[0]}",
     "no_word": "{t[1]} cannot be said of {t[0]}",
     "no_value": "no value of {t[1]} in {s[0]}",
@@ -35,12 +36,12 @@ def problems(policy: PolicyGraph) -> list[str]:
     """Check closedness, goal reachability and the certificate; SIEVE's own search is not trusted."""
     states = named_states(policy)
     position: dict[Term, int] = {name: i for i, (name, _, _) in enumerate(states)}
-    shown: dict[Term, str] = {name: policy.show(look) for name, look, _ in states}
-    kinds: list[Term] = list(_SENTENCES)
+    shown: dict[Term, str] = {name: policy.show(valuation) for name, valuation, _ in states}
+    kinds: list[Term] = list(SENTENCES)
 
     def sentence(kind: Term, *terms: Term) -> str:
         here = [shown.get(term, term) for term in terms]
-        return _SENTENCES[str(kind)].format(s=here, t=terms, fairness=policy.fairness)
+        return SENTENCES[str(kind)].format(s=here, t=terms, fairness=policy.fairness)
 
     def rank(reason: tuple[Term, ...]) -> tuple[int, list[int]]:
         return kinds.index(reason[0]), [position.get(term, 0) for term in reason[1:]]

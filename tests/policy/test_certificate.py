@@ -14,6 +14,7 @@ from helpers.certificate_oracle import problems
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
 from gentamp_lp.policy.policy import Policy
+from gentamp_lp.policy.verdict import SENTENCES
 from gentamp_lp.solvers.asp import deduce
 
 PROGRAM = resource("asp", "certificate.lp")
@@ -244,3 +245,14 @@ def comparable(sentences: list[str]) -> set[str]:
     if any(sentence.startswith("two rules") for sentence in sentences):
         return {"two rules"}
     return {"no end" if s.startswith(("certificate step", "a loop is left")) else s for s in sentences}
+
+
+def test_more_features_than_bits_are_no_guarantee():
+    """The numbers of states would run over, and different states become one."""
+    assert "many_features" in verdict("".join(f'feature(f{i}, boolean, 1, "").\n' for i in range(31)))
+
+
+def test_every_reason_has_a_sentence():
+    """What the rules derive and what Python words are the same kinds."""
+    rules = "".join(path.read_text() for path in resource("asp", "certificate").glob("*.lp"))
+    assert set(re.findall(r"(?m)^(?:fault|wrong)\(([a-z_]+)", rules)) == set(SENTENCES)
