@@ -47,6 +47,6 @@ if [ "${1:-}" = test ]; then
     .venv/bin/ruff check .
     .venv/bin/mypy
     .venv/bin/lint-imports --no-logo
-    exec .venv/bin/python -m pytest "$@"
+    exec .venv/bin/python -m pytest -n logical --dist worksteal "$@"
 fi
 exec .venv/bin/gentamp-lp "$@"
