@@ -1,9 +1,14 @@
 """Policies learned once for the whole test session, from geometry computed here (nothing is cached on disk)."""
 
+import signal
+
 import pytest
 
 from gentamp_lp.learning.learn import Learned, learn
 from gentamp_lp.tasks.task import Task
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in what a shell starts in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what tests start must not inherit it
 
 
 @pytest.fixture(scope="session")
