@@ -4,7 +4,7 @@
 #   sh run.sh learn tasks/unstack.yaml     any gentamp-lp command
 #   sh run.sh test                         lint, types, Prolog and Python tests
 #
-# Needs Debian (12, 13) or Ubuntu with Python 3.11 to 3.13; elsewhere install SWI-Prolog 9 and Python yourself.
+# Needs Debian 12 or 13, or Ubuntu with Python 3.11 to 3.13; elsewhere install SWI-Prolog 9 and Python yourself.
 set -eu
 cd "$(dirname "$0")"
 
