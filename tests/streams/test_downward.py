@@ -167,7 +167,7 @@ def test_a_search_does_not_wait_for_the_others_to_use_up_their_shares(tmp_path: 
 
 def test_the_time_limit_ends_a_search_that_hangs(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake(tmp_path / "downward", f"echo $$ >> {tmp_path}/pids; exec sleep 600", monkeypatch)
-    limit = max(2.0, 100 * start_of_python())  # enough to come to the search
+    limit = max(2.0, 50 * start_of_python())  # enough to come to the search
     with at_most(limit, starts=200), pytest.raises(LimitReached):
         run(time_limit=limit)
     pids = (tmp_path / "pids").read_text().split()

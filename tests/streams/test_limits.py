@@ -74,7 +74,7 @@ def stuck(stream: str, begun: list[float]) -> PDDLProblem:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("stream", ["spot", "big", "effort"])
 def test_a_stream_that_never_returns_is_ended_and_named(algorithm: str, stream: str) -> None:
-    limit = max(1.2, 100 * start_of_python())  # enough to come to the call
+    limit = max(1.2, 50 * start_of_python())  # enough to come to the call
     begun: list[float] = []
     problem = stuck(stream, begun)
     end = time.monotonic() + limit
