@@ -2,9 +2,9 @@
 
 import signal
 import threading
-import time
 
 import pytest
+from helpers.pace import at_most, start_of_python
 from helpers.worlds import UNSTACK_SIZES, Unstack, gather
 
 from gentamp_lp.abstraction.choose import NoPolicy, synthesize_policy
@@ -137,22 +137,20 @@ def test_no_model_in_time():
 
 def test_a_model_without_proof_is_returned_as_such():
     said = []
-    begun = time.monotonic()
-    try:
-        solution = synthesize_policy(hard(), time_limit=2.0, progress=said.append)
-    except LimitReached:
-        pytest.fail("no model of an easy sample")
-    assert time.monotonic() - begun < 6
+    limit = max(2.0, 100 * start_of_python())  # some models take a tenth of it, the proof much longer than all
+    with at_most(limit, starts=200):
+        solution = synthesize_policy(hard(), time_limit=limit, progress=said.append)
     assert not solution.optimal
     assert 0 < solution.bound < solution.cost
     assert any("a policy of cost" in message for message in said)
 
 
 def test_control_c_keeps_the_best_model():
-    main = threading.main_thread().ident
-    timer = threading.Timer(2.0, signal.pthread_kill, [main, signal.SIGINT])
-    timer.start()
-    solution = synthesize_policy(hard(), time_limit=20.0)
+    def press(message):
+        if "a policy of cost" in message:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    solution = synthesize_policy(hard(), time_limit=600.0, progress=press)
     assert not solution.optimal
 
 

@@ -541,7 +541,7 @@ def test_files_of_other_systems_are_read(change, place, monkeypatch, capsys):
 def test_a_poor_terminal_is_no_mistake(arguments, redirect, environment, place):
     """Closed streams and locales without the signs of logic change what is seen, not whether it works."""
     command = f'"{sys.executable}" -m gentamp_lp {arguments} {redirect}'
-    done = subprocess.run(["sh", "-c", command], env={**os.environ, **environment}, capture_output=True, timeout=60)
+    done = subprocess.run(["sh", "-c", command], env={**os.environ, **environment}, capture_output=True, timeout=300)
     said = done.stdout + done.stderr
     assert done.returncode == 0 and b"Traceback" not in said, said.decode(errors="replace")
     assert ">&-" in redirect or said
@@ -564,7 +564,7 @@ def test_output_that_is_lost_is_no_answer(command, code, words, unbuffered, plac
         env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
     )
     assert done.returncode == code and words in done.stderr and "Traceback" not in done.stderr, done
     assert words or not done.stderr

@@ -11,7 +11,7 @@ from gentamp_lp.solvers.interrupts import Held
 
 
 def python(program):
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
 
 
 def test_ctrl_c_waits_for_the_end_of_the_block():

@@ -47,7 +47,7 @@ class Place:
         process = self.start(*args)
         time.sleep(seconds)
         process.kill()
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
         assert left_alive(process.pid) == []
 
 

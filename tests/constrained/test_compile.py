@@ -83,7 +83,7 @@ def test_the_bundles_domain_is_read_by_the_translator(learned: Learned, tmp_path
 
 def translate(folder: Path) -> None:
     command = [sys.executable, "-m", "fast_downward.translate", "domain.pddl", "problem.pddl"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     assert (folder / "output.sas").stat().st_size > 100
 

@@ -95,7 +95,7 @@ def test_a_notebook_prints_what_it_shows(path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     shown, run = nbformat.read(path, 4), nbformat.read(path, 4)
     assert str(ROOT) not in path.read_text(encoding="utf-8") and "/home" not in path.read_text(encoding="utf-8")
-    NotebookClient(run, timeout=120, kernel_name="python3").execute()
+    NotebookClient(run, timeout=600, kernel_name="python3").execute()
     for before, after in zip(shown.cells, run.cells, strict=True):
         assert before.get("outputs") == after.get("outputs"), before.source
 

@@ -372,7 +372,7 @@ def test_ctrl_c_is_not_lost_in_a_collision_query() -> None:
         time.sleep(0.1)
         child.send_signal(signal.SIGINT)
         try:
-            _, errors = child.communicate(timeout=5)
+            _, errors = child.communicate(timeout=60)
         finally:
             child.kill()
         assert b"KeyboardInterrupt" in errors

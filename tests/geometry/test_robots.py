@@ -196,11 +196,13 @@ def test_panda_reaches_what_is_feasible(panda):
     """Against plain numpy inverse kinematics from many random starts, 300 targets."""
     rng = np.random.default_rng(8)
     feasible = reached = 0
-    seconds = []
+    seconds, plain = [], []
     for target in targets(300, seed=9):
         starts = rng.uniform(panda.chain.lower, panda.chain.upper, (24, 7))
         goals = np.broadcast_to(target, (24, 4, 4))
+        begin = time.perf_counter()
         values, solved = panda.chain.solve(goals, starts, iterations=40)
+        plain.append(time.perf_counter() - begin)
         if not (solved & panda.chain.within(values)).any():
             continue
         feasible += 1
@@ -209,7 +211,7 @@ def test_panda_reaches_what_is_feasible(panda):
         seconds.append(time.perf_counter() - begin)
     assert feasible > 270
     assert reached / feasible >= 0.9
-    assert np.median(seconds) < 0.05
+    assert np.median(seconds) < 5 * np.median(plain)  # as long as it was when this was written
 
 
 @pytest.mark.parametrize("name", ["panda", "mobile_panda", PR2, str(EXAMPLE)])
@@ -320,15 +322,20 @@ def test_panda_plan_survives_replay(panda):
         assert any("beyond its limits" in fault for fault in replay.move(bad))
 
 
-def test_gripper_is_fast():
-    robot = make_robot("gripper")
-    grasp = next(robot.grasps(CUBE))
-    rng = np.random.default_rng(0)
-    begin = time.perf_counter()
-    for _ in range(100):
+def test_gripper_is_fast(panda):
+    """At least five times as fast as an arm; it was fifty times when this was written."""
+
+    def seconds(robot):
+        grasp = next(robot.grasps(CUBE))
+        rng = np.random.default_rng(0)
+        begin = time.perf_counter()
         trajectory = robot.reach(pose(0.4, 0.1, GAP) @ grasp.tool, grasp.opening, rng)
         robot.swept(trajectory, CUBE, grasp)
-    assert (time.perf_counter() - begin) / 100 < 0.005  # ten times the measured time
+        return time.perf_counter() - begin
+
+    gripper = make_robot("gripper")
+    times = [(seconds(gripper), seconds(panda)) for _ in range(20)]
+    assert 5 * np.median([one for one, _ in times]) < np.median([other for _, other in times])
 
 
 def test_spheres_around_what_is_swept_change_no_answer(robot):

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 
-def left_alive(session: int, patience: float = 10.0) -> list[str]:
+def left_alive(session: int, patience: float = 60.0) -> list[str]:
     """What the processes of a session run that have not ended after `patience` seconds."""
     deadline = time.monotonic() + patience  # the system ends children once their parent is gone, a little later
     while (left := _alive(session)) and time.monotonic() < deadline:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers.pace import at_most
 
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.features.values import matches_effects, valuation
@@ -114,9 +115,9 @@ def test_time_limit(unstack: Learned, limit: float) -> None:
     instance = unstack.task.instance(12, 1, robot="panda")
     with pytest.raises(LimitReached, match="time limit"):
         GuidedPlanner(unstack.policy, instance).solve(time_limit=limit)
-    result = solve(unstack.task, 12, 1, policy=unstack.policy, time_limit=limit)
+    with at_most(1.05 * limit, starts=200):
+        result = solve(unstack.task, 12, 1, policy=unstack.policy, time_limit=limit)
     assert result.limited and result.plan is None and "time limit" in str(result.reason)
-    assert result.seconds < 5
 
 
 def test_unguided_planning_is_valid_and_limited_too(unstack: Learned) -> None:
@@ -157,7 +158,7 @@ def test_a_seed_gives_the_same_plan_everywhere(unstack: Learned, load: Learned, 
             env={**os.environ, "PYTHONHASHSEED": hash_seed},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
         )
         assert done.returncode == 0, done.stderr
         texts.append(done.stdout)

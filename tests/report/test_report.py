@@ -164,7 +164,7 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         browser.get((written / "load-report.html").as_uri())
-        WebDriverWait(browser, 30).until(lambda b: b.find_elements("css selector", "iframe[data-ready]"))
+        WebDriverWait(browser, 60).until(lambda b: b.find_elements("css selector", "iframe[data-ready]"))
         assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
         shown = json.loads((written / "shown.json").read_text())
 
@@ -193,7 +193,7 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
         browser.find_element("id", "play").click()
         WebDriverWait(browser, 60).until(lambda _: f"State {len(states) - 1} of" in text("#moment"))
         assert browser.execute_script(where) != before
-        WebDriverWait(browser, 10).until(lambda _: text("#play") == "Play")
+        WebDriverWait(browser, 60).until(lambda _: text("#play") == "Play")
         camera = "document.querySelector('iframe').contentWindow.camera"
         seen = f"return Math.tan({camera}.fov*Math.PI/360)*{camera}.aspect"
         angle = np.radians(shown["runs"][0]["animation"]["camera"]["angle"] / 2)
@@ -203,7 +203,7 @@ def test_people_can_use_the_page(written: Path, width: int, height: int) -> None
         frame = browser.find_element("css selector", "iframe")
         browser.execute_script("arguments[0].focus()", frame)
         ActionChains(browser).send_keys(Keys.ARROW_LEFT, Keys.ARROW_UP).perform()
-        WebDriverWait(browser, 10).until(lambda _: browser.execute_script(eye) != first)
+        WebDriverWait(browser, 60).until(lambda _: browser.execute_script(eye) != first)
         browser.find_element("id", "home").click()
         assert browser.execute_script(eye) == pytest.approx(first, abs=1e-6)
         pixels = np.asarray(Image.open(io.BytesIO(frame.screenshot_as_png)).convert("RGB")).reshape(-1, 3)

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers.pace import at_most, start_of_python
 
 from gentamp_lp.errors import LimitReached, SolverError
 from gentamp_lp.streams import downward
@@ -158,19 +159,17 @@ def test_translating_may_use_up_the_time(seconds: float) -> None:
 
 def test_a_search_does_not_wait_for_the_others_to_use_up_their_shares(tmp_path: Path, monkeypatch) -> None:
     last = downward.SEARCHES[-1]
-    fake(tmp_path / "downward", f'[ "$2" = "{last}" ] && exit 11; exec sleep 60', monkeypatch)
+    fake(tmp_path / "downward", f'[ "$2" = "{last}" ] && exit 11; exec sleep 600', monkeypatch)
     monkeypatch.setattr(downward, "_FIRST", (0.2,))
-    start = time.monotonic()
-    assert run(time_limit=60.0) is None
-    assert time.monotonic() - start < 10
+    with at_most(len(downward.SEARCHES) * 0.2, starts=500):
+        assert run(time_limit=600.0) is None
 
 
 def test_the_time_limit_ends_a_search_that_hangs(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fake(tmp_path / "downward", f"echo $$ >> {tmp_path}/pids; exec sleep 60", monkeypatch)
-    start = time.monotonic()
-    with pytest.raises(LimitReached):
-        run(time_limit=2.0)
-    assert time.monotonic() - start < 5
+    fake(tmp_path / "downward", f"echo $$ >> {tmp_path}/pids; exec sleep 600", monkeypatch)
+    limit = max(2.0, 50 * start_of_python())  # enough to come to the search
+    with at_most(limit, starts=200), pytest.raises(LimitReached):
+        run(time_limit=limit)
     pids = (tmp_path / "pids").read_text().split()
     assert pids and not any(Path("/proc", pid).exists() for pid in pids)
     assert list(folder.iterdir()) == []
@@ -178,10 +177,8 @@ def test_the_time_limit_ends_a_search_that_hangs(folder: Path, tmp_path: Path, m
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, 0.01])
 def test_no_time_at_all(folder: Path, limit: float) -> None:
-    start = time.monotonic()
-    with pytest.raises(LimitReached):
+    with at_most(max(limit, 0.0), starts=100), pytest.raises(LimitReached):
         run(time_limit=limit)
-    assert time.monotonic() - start < 2
     assert list(folder.iterdir()) == []
 
 
@@ -207,19 +204,19 @@ test_downward.run(time_limit=60.0)
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_interrupting_leaves_no_child(folder: Path, tmp_path: Path, monkeypatch, how: int) -> None:
     script = tmp_path / "downward"
-    fake(script, f"echo $$ > {tmp_path}/half; mv {tmp_path}/half {tmp_path}/pid; exec sleep 60", monkeypatch)
+    fake(script, f"echo $$ > {tmp_path}/half; mv {tmp_path}/half {tmp_path}/pid; exec sleep 600", monkeypatch)
     here = str(Path(__file__).parent)
     child = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED, here, str(folder), str(script)], stderr=subprocess.PIPE, text=True
     )
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not (tmp_path / "pid").exists():
         assert time.monotonic() < deadline and child.poll() is None
         time.sleep(0.02)
     child.send_signal(how)
-    _, messages = child.communicate(timeout=10)
+    _, messages = child.communicate(timeout=60)
     pid = int((tmp_path / "pid").read_text())
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while _running(pid) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert not _running(pid)
@@ -239,7 +236,7 @@ print(test_downward.run())
 
 def test_an_interruption_while_a_child_starts_is_not_lost() -> None:
     here = str(Path(__file__).parent)
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED_FORK, here], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_FORK, here], capture_output=True, text=True, timeout=300)
     assert done.returncode != 0 and "KeyboardInterrupt" in done.stderr and done.stdout == ""
 
 

@@ -73,7 +73,7 @@ def run(files: tuple[str, str]) -> None:
         assert str(error)
     except StopIteration:
         pass
-    assert time.monotonic() - start < 5 * 1.05 + 1
+    assert time.monotonic() - start < 60, "hung beyond the time limit"
 
 
 @settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import pytest
+from helpers.pace import at_most
 
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.streams import downward
@@ -184,18 +185,16 @@ def test_time_limit_while_sampling(limit: float) -> None:
             yield (1.0,)
 
     line.base.generators["sample-pose"] = from_gen_fn(slow)  # type: ignore[index]
-    start = time.monotonic()
-    with pytest.raises(LimitReached, match="time limit"):
+    with at_most(limit, starts=100), pytest.raises(LimitReached, match="time limit"):
         line.solve(time_limit=limit, quota={"sample-pose": 1000})
-    assert time.monotonic() - start < limit + 2
 
 
 def test_quota_is_what_is_asked_for() -> None:
     line = Line("(AllRed)", blocks=2)
-    sample(line.base, {"sample-pose": 3}, time.monotonic() + 10)
+    sample(line.base, {"sample-pose": 3}, time.monotonic() + 60)
     assert line.base.statistics["sample-pose"].calls == 6
     assert len(line.base.relation("pose")) == 2 + 6
-    assert not sample(line.base, {"sample-pose": 3}, time.monotonic() + 10)
+    assert not sample(line.base, {"sample-pose": 3}, time.monotonic() + 60)
     assert quota_for(line.base, ["pose"], {"sample-pose": 7}) == {"sample-pose": 7, "t-red": 0, "t-cfree": 0}
     assert quota_for(line.base, ["block"], {"sample-pose": 7})["sample-pose"] == 0
 
@@ -215,7 +214,7 @@ def test_constants_in_a_streams_conditions_are_constants() -> None:
                  ("twin", "b", "b"), ("twin", "c", "a")):  # fmt: skip
         base.add(fact)
     assert base.inputs(streams[0]) == [("a",)]
-    sample(base, {}, time.monotonic() + 10)
+    sample(base, {}, time.monotonic() + 60)
     assert [row[0] for row in base.relation("spot").rows] == ["a"]
 
 
@@ -232,7 +231,7 @@ def test_states_are_judged_alike_by_views_and_by_fast_downward() -> None:
     """Each condition, in each state in reach: `finish` alone is a plan exactly when the view says so."""
     for condition in (*RED_CONDITIONS.values(), "(SomePale)"):
         line = Line(condition, blocks=1, positions=(1.0, 11.0))
-        sample(line.base, {"sample-pose": 2}, time.monotonic() + 10)
+        sample(line.base, {"sample-pose": 2}, time.monotonic() + 60)
         for (pose,) in [(p,) for _, p in line.base.relation("pose").rows]:
             state = frozenset([("handempty",), ("atpose", "b0", pose)])
             view = View(line.program, line.base, state)

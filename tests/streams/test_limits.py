@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from helpers.pace import at_most, start_of_python
 from helpers.processes import left_alive
 
 from gentamp_lp.errors import LimitReached, MemoryLimitReached
@@ -40,19 +41,19 @@ def hopeless(pause: float) -> PDDLProblem:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize(("limit", "pause"), [(0.0, 0.0), (0.8, 0.0), (0.8, 0.05)])
 def test_time_limits_are_kept(algorithm: str, limit: float, pause: float) -> None:
-    start = time.monotonic()
-    result = solve(hopeless(pause), algorithm, max_time=limit)
+    with at_most(1.05 * limit, starts=100):
+        result = solve(hopeless(pause), algorithm, max_time=limit)
     assert result.status == "time limit" and result.plan is None
-    assert time.monotonic() - start < 1.05 * limit + 1
 
 
-def stuck(stream: str) -> PDDLProblem:
-    """One of the streams never returns; what it raises on the way is of no avail."""
+def stuck(stream: str, begun: list[float]) -> PDDLProblem:
+    """One of the streams never returns; what it raises on the way is of no avail. When it is called goes to `begun`."""
 
     def sleep(*inputs: object) -> object:
+        begun.append(time.monotonic())
         while True:
             try:
-                time.sleep(60)
+                time.sleep(600)
             except Exception:
                 continue
 
@@ -73,12 +74,16 @@ def stuck(stream: str) -> PDDLProblem:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("stream", ["spot", "big", "effort"])
 def test_a_stream_that_never_returns_is_ended_and_named(algorithm: str, stream: str) -> None:
-    start = time.monotonic()
-    result = solve(stuck(stream), algorithm, max_time=1.2)
-    assert time.monotonic() - start < 1.05 * 1.2 + 1
+    limit = max(1.2, 50 * start_of_python())  # enough to come to the call
+    begun: list[float] = []
+    problem = stuck(stream, begun)
+    end = time.monotonic() + limit
+    with at_most(1.05 * limit, starts=100):
+        result = solve(problem, algorithm, max_time=limit)
     assert result.status == "time limit" and result.plan is None
     assert f"stream `{stream}` was still running on (a" in result.report.reason
-    assert result.report.streams[stream].calls >= 1 and result.report.streams[stream].seconds > 0.1
+    assert result.report.streams[stream].calls >= 1
+    assert result.report.streams[stream].seconds >= 0.99 * (end - begun[0]) > 0
     assert not any(f"`{stream}` was never called" in line for line in result.report.advice)
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0) and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
 
@@ -96,20 +101,18 @@ def test_someone_elses_alarm_is_left_alone() -> None:
 
 
 def test_limits_are_kept_between_calls_in_other_threads() -> None:
-    with ThreadPoolExecutor(2) as pool:
-        start = time.monotonic()
+    with at_most(1.05 * 0.8, starts=100), ThreadPoolExecutor(2) as pool:
         found = [pool.submit(solve, hopeless(0.05), "adaptive", max_time=0.8) for _ in range(2)]
         assert [f.result().status for f in found] == ["time limit"] * 2
-    assert time.monotonic() - start < 1.05 * 0.8 + 1
 
 
 def test_a_memory_limit_is_not_a_time_limit() -> None:
-    result = solve(hopeless(0.0), max_memory=16_000, max_time=20)
+    result = solve(hopeless(0.0), max_memory=16_000, max_time=300)
     assert result.status == "memory limit"
     task = Task.load("load")
     instance = task.instance("2-3", 0)
     with pytest.raises(MemoryLimitReached):
-        search(task.program, instance.base, instance.state, task.goal, time_limit=20, memory_limit=24 * 2**20)
+        search(task.program, instance.base, instance.state, task.goal, time_limit=300, memory_limit=24 * 2**20)
     assert issubclass(MemoryLimitReached, LimitReached) and MemoryLimitReached.exit_code == 3
 
 
@@ -134,7 +137,7 @@ def test_an_interruption_leaves_nothing(tmp_path: Path, algorithm: str) -> None:
     assert child.stdout is not None and child.stdout.readline() == "ready\n"
     time.sleep(1)
     child.send_signal(signal.SIGINT)
-    _, messages = child.communicate(timeout=10)
+    _, messages = child.communicate(timeout=60)
     assert "KeyboardInterrupt" in messages
     assert list(tmp_path.iterdir()) == []
     assert left_alive(child.pid) == []

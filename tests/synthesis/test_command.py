@@ -17,7 +17,7 @@ def run(*args):
         capture_output=True,
         text=True,
         env={**os.environ, "NO_COLOR": "1"},
-        timeout=60,
+        timeout=300,
     )
     assert "Traceback" not in done.stderr, done.stderr
     return done
@@ -33,7 +33,7 @@ def test_a_policy_and_its_certificate(tmp_path):
         {"state": "n>0, -holding", "action": "pick"},
         {"state": "n>0, holding", "action": "put_away"},
     ]
-    assert report["states"] == 2 and report["optimal"] is True and report["seconds"] < 0.5
+    assert report["states"] == 2 and report["optimal"] is True and report["statistics"]["choices"] < 100
     assert run("validate", file).returncode == 0
     document = json.loads(file.read_text())
     document["rules"][1]["action"] = "put_back"
