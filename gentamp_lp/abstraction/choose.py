@@ -1,6 +1,6 @@
 """Choose features and moves that make a policy: one optimising ASP program with lazy clauses.
 
-The rules are in `asp/abstraction.lp` and `gentamp_lp/abstraction/theory.py`; this module turns a sample into the
+The rules are in `asp/abstraction.lp` and `gentamp_lp/abstraction/lazy_clauses.py`; this module turns a sample into the
 program's facts, runs it, breaks ties, and says why when there is no answer. The lazy formulation follows D2L (Frances,
 Bonet and Geffner, AAAI 2021) in solving with few pairs and adding those that an answer violates.
 """

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice, product
 
 from gentamp_lp.abstraction.facts import relaxed_program
+from gentamp_lp.abstraction.lazy_clauses import refute
 from gentamp_lp.abstraction.observations import Evidence
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits
@@ -53,7 +54,7 @@ class Attempt:
     """Why a choice of moves (state -> transition) fails: clashes bar features, and with all others `kind` is violated.
 
     A move must change a selected feature; those of `idle` states change none that is left. `kind` (empty: that is all)
-    is that of a lemma (`theory.py`), `states` those it speaks of (goal: a goal and its like).
+    is that of a lazy clause (`lazy_clauses.py`), `states` those it speaks of (goal: a goal and its like).
     """
 
     moves: Mapping[int, int]
@@ -148,17 +149,17 @@ def _attempt(theory: Theory, choice: dict[int, int]) -> Attempt:
     evidence, left = theory.evidence, theory.features
     moves = {state.id: move for state in theory.expanded for move in state.moves if move.id == choice.get(state.id)}
     clashes: list[Clash] = []
-    while (lemmas := theory.refute(left, choice)) and lemmas[0].kind == "consistency":
+    while (violated := refute(theory, left, choice)) and violated[0].kind == "consistency":
         barred: dict[tuple[int, ...], int] = {}
-        for lemma in lemmas:
-            pair = tuple(sorted(lemma.states))
-            barred[pair] = barred.get(pair, 0) | lemma.unselected
+        for clause in violated:
+            pair = tuple(sorted(clause.states))
+            barred[pair] = barred.get(pair, 0) | clause.unselected
         for (first, second), mask in barred.items():
             by_cost = sorted(bits(mask), key=lambda i: evidence.features[i].cost)
             alike = not (evidence.states[first] ^ evidence.states[second]) & theory.features
             clashes.append(Clash((first, second), tuple(evidence.features[i].id for i in by_cost), alike))
             left &= ~mask
     idle = tuple(state for state, move in moves.items() if not (move.inc | move.dec) & left)
-    kind = lemmas[0].kind if lemmas else ""
-    wrong = evidence.confused(left) if kind == "goal" else tuple(sorted(lemmas[0].states)) if lemmas else ()
+    kind = violated[0].kind if violated else ""
+    wrong = evidence.confused(left) if kind == "goal" else tuple(sorted(violated[0].states)) if violated else ()
     return Attempt(choice, tuple(clashes), kind, wrong, idle)

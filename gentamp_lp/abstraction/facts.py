@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gentamp_lp.abstraction.hitting_sets import covers, kernels
+from gentamp_lp.abstraction.lazy_clauses import refute
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits, minimal
 from gentamp_lp.base.shipped import resource
@@ -16,7 +17,7 @@ _COVERS = 200  # covers given from the start: the shortest, more do not help the
 
 
 class LazyPolicy:
-    """The conditions of `theory.py` in the vocabulary of the program."""
+    """The conditions of `lazy_clauses.py` in the vocabulary of the program."""
 
     predicates: tuple[str, ...] = ("selected", "chosen", "relevant")
 
@@ -26,16 +27,16 @@ class LazyPolicy:
         self._state = {move.id: state.id for state in theory.expanded for move in state.moves}
 
     def refute(self, true: dict[str, list[int]]) -> Iterable[tuple[str, Clause]]:
-        """Return the violated lemmas as clauses."""
+        """Return the violated clauses, each with its kind."""
         relevant = set(true["relevant"])
         choice = {self._state[move]: move for move in true["chosen"] if self._state[move] in relevant}
-        for lemma in self.theory.refute(self.mask(true["selected"]), choice):
-            clause: list[tuple[Atom, bool]] = [(("relevant", state), False) for state in sorted(lemma.states)]
-            clause += [(("selected", feature), True) for feature in self.theory.evidence.ids(lemma.selected)]
-            clause += [(("selected", feature), False) for feature in self.theory.evidence.ids(lemma.unselected)]
-            clause += [(("chosen", move), True) for move in lemma.chosen]
-            clause += [(("chosen", move), False) for move in lemma.unchosen]
-            yield lemma.kind, clause
+        for violated in refute(self.theory, self.mask(true["selected"]), choice):
+            clause: list[tuple[Atom, bool]] = [(("relevant", state), False) for state in sorted(violated.states)]
+            clause += [(("selected", feature), True) for feature in self.theory.evidence.ids(violated.selected)]
+            clause += [(("selected", feature), False) for feature in self.theory.evidence.ids(violated.unselected)]
+            clause += [(("chosen", move), True) for move in violated.chosen]
+            clause += [(("chosen", move), False) for move in violated.unchosen]
+            yield violated.kind, clause
 
     def mask(self, features: Iterable[int]) -> int:
         """Return the mask of a selection."""

@@ -134,8 +134,8 @@ def retrace(policy: Policy, data: Dataset, task: Task) -> list[list[ExplainedSta
 
 def _explained(policy: Policy, features: Features, view: View, step: str, goal: bool) -> ExplainedState:
     values = features.values(view)
-    look = tuple(valuation(values).values())
-    rule = policy.rule_for(look)
+    abstract = tuple(valuation(values).values())
+    rule = policy.rule_for(abstract)
     if goal:
         does = "nothing: this is a goal"
     elif rule is None:
@@ -145,7 +145,7 @@ def _explained(policy: Policy, features: Features, view: View, step: str, goal: 
     holds = {
         f.name: sorted(row[0] for row in view.extension(f.name)) for f in policy.features if f.variable is not None
     }
-    return ExplainedState(values, holds, policy.show(look), does, step)
+    return ExplainedState(values, holds, policy.show(abstract), does, step)
 
 
 def purpose(policy: Policy, rule: Rule) -> str:

@@ -7,7 +7,8 @@ from functools import partial, reduce
 from operator import or_
 
 from gentamp_lp.abstraction.choose import Solution
-from gentamp_lp.abstraction.theory import Lemma, Theory
+from gentamp_lp.abstraction.lazy_clauses import LazyClause, refute
+from gentamp_lp.abstraction.theory import Theory
 
 WORDS = {
     "unseen": "the policy could lead to what no seen state shows",
@@ -55,15 +56,15 @@ def _reason(
     describe: Callable[[int], str],
     step: Callable[[int], str],
 ) -> str:
-    lemmas = theory.refute(others, dict(choice))
-    if not lemmas:
+    violated = refute(theory, others, dict(choice))
+    if not violated:
         return "it is not needed on the training data"
-    kind = lemmas[0].kind
+    kind = violated[0].kind
     if kind == "goal":
         goal, state = theory.evidence.confused(others)
-        rivals = _rivals(theory, lemmas, feature)
+        rivals = _rivals(theory, violated, feature)
         return f"without it, {describe(goal)}, looks like {describe(state)}{rivals}"
-    states = sorted(lemmas[0].states)
+    states = sorted(violated[0].states)
     if kind == "consistency":
         first, second = (states * 2)[:2]
         return (
@@ -73,9 +74,9 @@ def _reason(
     return f"without it, {WORDS[kind]}: {'; '.join(describe(state) for state in states[:3])}"
 
 
-def _rivals(theory: Theory, lemmas: list[Lemma], feature: int) -> str:
+def _rivals(theory: Theory, violated: list[LazyClause], feature: int) -> str:
     """How many other features of the pool would do what this one does for the goal, and how cheap they are."""
-    able = reduce(lambda mask, lemma: mask & lemma.selected, lemmas, theory.features) & ~feature
+    able = reduce(lambda mask, clause: mask & clause.selected, violated, theory.features) & ~feature
     costs = sorted(theory.evidence.features[i].cost for i in range(able.bit_length()) if able >> i & 1)
     if not costs:
         return "; no other feature of the pool tells them apart"

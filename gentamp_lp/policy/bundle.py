@@ -104,7 +104,7 @@ def named_states(policy: PolicyGraph) -> list[tuple[str, Valuation, Rule | None]
             *(after for rule in policy.rules for after in rule.outcomes),
             *policy.goals,
             *policy.initial,
-            *(look for step in policy.certificate for look in step.states),
+            *(valuation for step in policy.certificate for valuation in step.states),
         ]
     )
     rows = [*((valuation, rules.get(valuation)) for valuation in valuations), *more]
@@ -114,7 +114,7 @@ def named_states(policy: PolicyGraph) -> list[tuple[str, Valuation, Rule | None]
 def policy_facts(policy: PolicyGraph) -> str:
     """Return policy.lp."""
     states = named_states(policy)
-    name = {look: state for state, look, _ in reversed(states)}
+    name = {valuation: state for state, valuation, _ in reversed(states)}
     kind = {feature.name: feature.kind for feature in policy.features}
     lines = [_HEADER, f"task({_quote(policy.task)}).", f"fairness({_quote(policy.fairness)})."]
     lines += [f"cost({policy.cost}).  bound({policy.bound}).  optimal({'yes' if policy.optimal else 'no'})."]
@@ -127,18 +127,20 @@ def policy_facts(policy: PolicyGraph) -> str:
         for feature, positive in action.preconditions.items():
             lines.append(f"precondition({action.name}, {feature}, {_WORDS[kind[feature]][positive]}).")
         lines += [f"effect({action.name}, {feature}, {word})." for feature, word in action.effects.items()]
-    for state, look, rule in states:
-        lines += ["", f"% {policy.show(look)}"]
-        for feature_, positive in zip(policy.features, look, strict=True):
+    for state, valuation, rule in states:
+        lines += ["", f"% {policy.show(valuation)}"]
+        for feature_, positive in zip(policy.features, valuation, strict=True):
             lines.append(f"value({state}, {feature_.name}, {_WORDS[feature_.kind][positive]}).")
-        lines += [f"initial({state})."] * (look in policy.initial) + [f"goal({state})."] * (look in policy.goals)
+        lines += [f"initial({state})."] * (valuation in policy.initial) + [f"goal({state})."] * (
+            valuation in policy.goals
+        )
         if rule is not None:
             lines.append(f"rule({state}, {rule.action}).")
             lines += [f"outcome({state}, {name[after]})." for after in rule.outcomes]
     if policy.certificate:
         lines.append("")
     for number, step in enumerate(policy.certificate, 1):
-        within = "  ".join(f"within({number}, {name[look]})." for look in step.states)
+        within = "  ".join(f"within({number}, {name[valuation]})." for valuation in step.states)
         lines.append(f"cut({number}, {step.feature}).  {within}")
     return "\n".join(lines) + "\n"
 

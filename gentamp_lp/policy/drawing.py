@@ -51,11 +51,11 @@ def draw(policy: PolicyGraph, *, legend: bool = True) -> str:
     Each abstract state is a group with class `s` and its printed conditions as `data-state`.
     """
     boxes = _boxes(policy)
-    vertices = {look: Vertex(look) for look in boxes}
+    vertices = {valuation: Vertex(valuation) for valuation in boxes}
     wires: list[tuple[Vertex, Vertex]] = []
     labels: list[Vertex] = []
-    order = {look: i for i, look in enumerate(boxes)}
-    views: dict[Vertex, _Box] = {vertices[look]: box for look, box in boxes.items()}
+    order = {valuation: i for i, valuation in enumerate(boxes)}
+    views: dict[Vertex, _Box] = {vertices[valuation]: box for valuation, box in boxes.items()}
     for rule in policy.rules:
         text = _label(policy, rule.action)
         for after in rule.outcomes:
@@ -70,20 +70,20 @@ def draw(policy: PolicyGraph, *, legend: bool = True) -> str:
 
 
 def _boxes(policy: PolicyGraph) -> dict[Valuation, _Box]:
-    looks: dict[Valuation, None] = dict.fromkeys(rule.valuation for rule in policy.rules)
-    looks |= dict.fromkeys(after for rule in policy.rules for after in rule.outcomes)
-    looks |= dict.fromkeys((*policy.initial, *policy.goals))
+    valuations: dict[Valuation, None] = dict.fromkeys(rule.valuation for rule in policy.rules)
+    valuations |= dict.fromkeys(after for rule in policy.rules for after in rule.outcomes)
+    valuations |= dict.fromkeys((*policy.initial, *policy.goals))
     boxes = {}
-    for number, look in enumerate(looks, 1):
-        kind = "goal" if look in policy.goals else "initial" if look in policy.initial else "state"
+    for number, valuation in enumerate(valuations, 1):
+        kind = "goal" if valuation in policy.goals else "initial" if valuation in policy.initial else "state"
         head = f"s{number}" + ("" if kind == "state" else f" · {kind}")
-        lines = (head, *(f.show(v) for f, v in zip(policy.features, look, strict=True)))
+        lines = (head, *(f.show(v) for f, v in zip(policy.features, valuation, strict=True)))
         body = max(_width(line) for line in lines)
-        rule = policy.rule_for(look)
-        loop = _label(policy, rule.action) if rule and look in rule.outcomes else ""
+        rule = policy.rule_for(valuation)
+        loop = _label(policy, rule.action) if rule and valuation in rule.outcomes else ""
         side = 34 + _width(loop, 6.6) if loop else 0.0
-        boxes[look] = _Box(
-            lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body, name=policy.show(look)
+        boxes[valuation] = _Box(
+            lines, kind, body + 2 * side, _LINE * len(lines) + 2 * _PAD, loop, body=body, name=policy.show(valuation)
         )
     return boxes
 
@@ -110,7 +110,7 @@ def _layout(
     for edge in edges:
         edge.view = _Wire()
     right = 0.0
-    first = list(order)[: max(1, sum(look in order for look in policy.initial))]
+    first = list(order)[: max(1, sum(valuation in order for valuation in policy.initial))]
     for component in Graph(vertices, edges).C:
         members = [vertex for vertex in vertices if vertex in component.sV]
         roots = [vertex for vertex in members if vertex.data in first] or members[:1]

@@ -26,7 +26,7 @@ _SIGN = {"increase": "↑", "decrease": "↓", "true": "=⊤", "false": "=⊥"}
 
 @dataclass(frozen=True)
 class Policy(PolicyGraph):
-    """Everything learned for one task; see `text()` for a look and `check()` for the guarantee."""
+    """Everything learned for one task; see `text()` to read it and `check()` for the guarantee."""
 
     @classmethod
     def from_solution(
@@ -104,9 +104,9 @@ class _Builder:
         chosen += [f"chosen({number})." for number in solution.chosen]
         facts = evidence_facts(evidence, mask) + "\n".join(chosen)
         self.found = defaultdict(list, deduce([resource("asp", "policy.lp")], facts))
-        self.look: dict[Term, Valuation] = defaultdict(tuple)
+        self.valuation: dict[Term, Valuation] = defaultdict(tuple)
         for state, _, word in self.found["value"]:
-            self.look[state] += (word in ("true", "positive"),)
+            self.valuation[state] += (word in ("true", "positive"),)
 
     def build(
         self,
@@ -121,16 +121,18 @@ class _Builder:
             Feature(name, known[i].kind, known[i].cost, formulas[i], *variables.get(i, (None, None)), texts[i])
             for i, name in zip(self.solution.features, self.names.values(), strict=True)
         )
-        initial, goals = (_sorted(self.look[state] for (state,) in self.found[name]) for name in ("initial", "goal"))
-        does = {self.look[state]: action for state, action in self.found["rule"]}
-        after: dict[Valuation, list[Valuation]] = {look: [] for look in does}
+        initial, goals = (
+            _sorted(self.valuation[state] for (state,) in self.found[name]) for name in ("initial", "goal")
+        )
+        does = {self.valuation[state]: action for state, action in self.found["rule"]}
+        after: dict[Valuation, list[Valuation]] = {valuation: [] for valuation in does}
         for state, outcome in self.found["outcome"]:
-            after[self.look[state]].append(self.look[outcome])
-        outcomes = {look: _sorted(seen) for look, seen in after.items()}
+            after[self.valuation[state]].append(self.valuation[outcome])
+        outcomes = {valuation: _sorted(seen) for valuation, seen in after.items()}
         order = _breadth_first(initial, outcomes)
-        name = {term: f"a{i}" for i, term in enumerate(dict.fromkeys(does[look] for look in order), 1)}
+        name = {term: f"a{i}" for i, term in enumerate(dict.fromkeys(does[valuation] for valuation in order), 1)}
         actions = tuple(self.action(term, name[term]) for term in name)
-        rules = tuple(Rule(look, name[does[look]], outcomes[look]) for look in order)
+        rules = tuple(Rule(valuation, name[does[valuation]], outcomes[valuation]) for valuation in order)
         level, certificate = certify(rules, actions, list(self.names.values()))
         return Policy(
             task, features, actions, rules, goals, initial, level, certificate,
@@ -146,17 +148,17 @@ class _Builder:
         )
 
 
-def _sorted(looks: Iterable[Valuation]) -> tuple[Valuation, ...]:
+def _sorted(valuations: Iterable[Valuation]) -> tuple[Valuation, ...]:
     """Order abstract states, positive values first, each once."""
-    return tuple(sorted(set(looks), reverse=True))
+    return tuple(sorted(set(valuations), reverse=True))
 
 
 def _breadth_first(initial: Sequence[Valuation], outcomes: Mapping[Valuation, Sequence[Valuation]]) -> list[Valuation]:
     """Order the abstract states as the policy meets them; those it never meets come last."""
-    order = dict.fromkeys(look for look in initial if look in outcomes)
+    order = dict.fromkeys(valuation for valuation in initial if valuation in outcomes)
     queue = list(order)
-    for look in queue:
-        for after in outcomes[look]:
+    for valuation in queue:
+        for after in outcomes[valuation]:
             if after in outcomes and after not in order:
                 order[after] = None
                 queue.append(after)

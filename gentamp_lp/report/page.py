@@ -65,7 +65,7 @@ def report(
             "features": [vars(row) for row in explain(policy, folder)],
             "states": _states(policy),
             "ends": [
-                {"feature": step.feature, "states": [policy.show(look) for look in step.states]}
+                {"feature": step.feature, "states": [policy.show(valuation) for valuation in step.states]}
                 for step in policy.certificate
             ],
             "runs": runs,
@@ -87,18 +87,18 @@ def page(data: PageData) -> str:
 def _states(policy: Policy) -> list[dict[str, Any]]:
     """The abstract states in the order of the drawing's rules, then those without a rule."""
     rules = {rule.valuation: rule for rule in policy.rules}
-    looks = dict.fromkeys(
+    valuations = dict.fromkeys(
         [*rules, *(after for rule in policy.rules for after in rule.outcomes), *policy.initial, *policy.goals]
     )
     found = []
-    for look in looks:
-        rule = rules.get(look)
+    for valuation in valuations:
+        rule = rules.get(valuation)
         found.append(
             {
-                "state": policy.show(look),
-                "values": [f.show(value) for f, value in zip(policy.features, look, strict=True)],
-                "initial": look in policy.initial,
-                "goal": look in policy.goals,
+                "state": policy.show(valuation),
+                "values": [f.show(value) for f, value in zip(policy.features, valuation, strict=True)],
+                "initial": valuation in policy.initial,
+                "goal": valuation in policy.goals,
                 "does": purpose(policy, rule) if rule else "",
                 "outcomes": [policy.show(after) for after in rule.outcomes] if rule else [],
             }
