@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from gentamp_lp.geometry.mobile import Mobile
 from gentamp_lp.geometry.robots import Robot, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape
 from gentamp_lp.geometry.transforms import Array, pose
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.tasks import domain_code
 
 from . import rooms, standing
@@ -44,6 +46,9 @@ class World(domain_code.World):
     without end). `avoided` has digests of reaches that the streams do not give.
     """
 
+    static: list[Fact] = field(default_factory=list)
+    fluents: list[Fact] = field(default_factory=list)
+    values: dict[str, Any] = field(default_factory=dict)
     robot: Robot
     supports: Mapping[str, Support]
     shapes: dict[str, Shape] = field(default_factory=dict)

@@ -78,9 +78,9 @@ class World:
     holds what the streams are to give no more, see `plan_transits`.
     """
 
-    static: list[Fact] = field(default_factory=list)
-    fluents: list[Fact] = field(default_factory=list)
-    values: dict[str, Any] = field(default_factory=dict)
+    static: Sequence[Fact] = ()
+    fluents: Sequence[Fact] = ()
+    values: Mapping[str, Any] = field(default_factory=dict)
     robot: Named = field(default_factory=Nobody)
     avoided: set[Any] = field(default_factory=set)
 
