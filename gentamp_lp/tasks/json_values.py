@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-_KINDS = "biufU"  # of arrays: truth values, whole numbers, floating point numbers, strings
+_KINDS = "biuf"  # of arrays: truth values, whole numbers, floating point numbers
 
 
 def to_json(value: Any) -> Any:

@@ -62,10 +62,12 @@ def render_plan(world: World, steps: Sequence[Step], values: Mapping[str, Any], 
     shapes = world.shapes | {"pallet": box(x1 - x0 + MARGIN, y1 - y0 + MARGIN, GAP / 2, WOOD)}
     under = {"pallet": pose((x0 + x1) / 2, (y0 + y1) / 2, 0.0)}
     states = [replace(state, poses=state.poses | under) for state in playback.take()]
+    seen = np.array([*(where[:3, 3] for where in world.start.values()), (x1, y0, 0.0), (x1, y1, 0.0)])
+    view = STILL.framing(seen, np.full(len(seen), 0.2))
     if path.suffix == ".png":
-        save_still(next(film(world.robot, shapes, states[-1:], STILL)), path)
+        save_still(next(film(world.robot, shapes, states[-1:], view)), path)
     else:
-        save_movie(film(world.robot, shapes, smooth(world.robot, states)), path)
+        save_movie(film(world.robot, shapes, smooth(world.robot, states), view), path)
 
 
 def _play(world: World, steps: Sequence[Step], values: Mapping[str, Any], replay: Replay | Playback) -> None:
