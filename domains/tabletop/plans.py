@@ -20,15 +20,16 @@ from gentamp_lp.geometry.replay import ANGLE, POSITION, STEP, TABLE, Replay
 from gentamp_lp.geometry.robots import STANDOFF, Trajectory
 from gentamp_lp.geometry.shapes import GAP, Shape, box
 from gentamp_lp.geometry.transforms import Array, difference, pose
+from gentamp_lp.tasks.domain_code import Step
 
 from . import rooms
 from .samplers import Reach
-from .scene import COLOURS, Placement, World
+from .scene import COLOURS
+from .world import Placement, World
 
 if TYPE_CHECKING:
     from gentamp_lp.geometry.animation import Animation
 
-Step = tuple[str, Sequence[str]]
 _SMALL_TURN = 0.02  # in transits, the longest move (rad, m) of a joint from one replayed configuration to the next
 _JOINED = 1e-6  # (rad, m) how far the ends of a transit may be from the motions it joins
 _FINE, _TURN, _MOST = 0.01, 0.1, 300  # the replay stops every 1 cm and 0.1 rad, at most so often between two given ones
@@ -230,10 +231,10 @@ def _replay(
             if action == "pick":
                 replay.pick(name, path, values[grasp])
             else:
-                placement: Placement = values[where]
-                target = placement.transform
-                if placement.frame != "world":
-                    target = replay.pose(placement.frame) @ target
+                goal: Placement = values[where]
+                target = goal.transform
+                if goal.frame != "world":
+                    target = replay.pose(goal.frame) @ target
                 replay.place(name, path, _support(world, support), target)
         yield
 
@@ -339,7 +340,7 @@ def _mats(world: World) -> dict[str, tuple[Shape, Array]]:
         colour = next((COLOURS[trait] for trait in support.traits if trait in COLOURS), None)
         if colour is not None:
             (x0, x1), (y0, y1) = support.area.x, support.area.y
-            pale = (*((1.0 + 2 * c) / 3 for c in colour[:3]), 1.0)
-            shape = box(x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN, GAP / 2, pale)
+            red, green, blue = ((1.0 + 2 * c) / 3 for c in colour[:3])
+            shape = box(x1 - x0 + 2 * _MARGIN, y1 - y0 + 2 * _MARGIN, GAP / 2, (red, green, blue, 1.0))
             mats[name] = shape, pose((x0 + x1) / 2, (y0 + y1) / 2, 0.0)
     return mats

@@ -18,7 +18,7 @@ from gentamp_lp.geometry.transforms import Array
 from gentamp_lp.streams.language import Generator, from_gen_fn, from_test
 
 from . import rooms
-from .scene import Placement, World, cell_placements, serves, uniform_placements
+from .world import Placement, World, cell_placements, serves, uniform_placements
 
 _REACH_ATTEMPTS = 3  # restarts of inverse kinematics before a placement and grasp are given up
 

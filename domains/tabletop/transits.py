@@ -16,10 +16,11 @@ from gentamp_lp.geometry.replay import SLAB
 from gentamp_lp.geometry.shapes import Shape
 from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import Array, inverse
+from gentamp_lp.tasks.domain_code import Step
 
-from .plans import Step, motion
+from .plans import motion
 from .samplers import Reach
-from .scene import Placement, World
+from .world import Placement, World
 
 
 def plan_transits(

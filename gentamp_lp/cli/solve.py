@@ -61,6 +61,8 @@ def solve(
     if render is not None and render.suffix not in (".gif", ".png"):
         raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
     loaded = Task.load(task, trust=trust)
+    if render is not None and not loaded.folder.code.draws:
+        raise InputError(Diagnostic(f"the domain `{loaded.folder.path.name}` draws nothing", hint="leave out --render"))
     folder = policy or Path("runs", loaded.name)
     guide, names = _guide(loaded, folder, mode, skeleton, size, seed, robot)
     gc.freeze()  # collections during planning need not look at what the libraries keep for good

@@ -26,6 +26,7 @@ from gentamp_lp.streams.semantics import (
     State,
     Step,
 )
+from gentamp_lp.tasks.domain_code import files_of
 from gentamp_lp.tasks.task import Task
 
 Progress = Callable[[str], None]
@@ -112,7 +113,7 @@ def cache_path(task: Task, seed: int, robot: str | None, around: bool, sizes: Se
     """Where these demonstrations are cached: the name is a digest of all that determines them."""
     digest = hashlib.sha256(repr((__version__, seed, robot, around, [str(s) for s in sizes])).encode())
     sources = [p for kind in ("py", "yaml") for p in PACKAGE.rglob(f"*.{kind}")]
-    given = getattr(task.scene, "files", [])
+    given = files_of(task.scene)
     for path in [task.path, *given, *sorted(task.folder.path.glob("*.p*")), *sorted(sources)]:
         digest.update(path.read_bytes())
     return Path(

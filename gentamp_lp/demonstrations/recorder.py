@@ -40,7 +40,7 @@ class Recorder:
     def start(cls, task: Task, instances: Sequence[Instance], *, around: bool = True) -> Recorder:
         """Begin an empty dataset for these instances."""
         domain, streams = task.folder.domain, task.folder.streams
-        sorts = infer_sorts(domain, streams, [fact for i in instances for fact in i.world.static])
+        sorts = infer_sorts(domain, streams, [fact for i in instances for fact in i.given.static])
         data = Dataset(
             {name: list(row) for name, row in sorts.items()},
             {name: predicate.spelling for name, predicate in domain.predicates.items()},

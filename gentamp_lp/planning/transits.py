@@ -11,6 +11,7 @@ from gentamp_lp.errors import Diagnostic, InputError, LimitReached, NoAnswer
 from gentamp_lp.planning.search import Progress, Search
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.streams.semantics import Step
+from gentamp_lp.tasks.domain_code import PlanTransits
 from gentamp_lp.tasks.domain_folder import running
 from gentamp_lp.tasks.task import Instance, Task
 
@@ -25,11 +26,12 @@ class Moved:
     failure: NoAnswer | LimitReached | None
 
 
-def require_transits(task: Task) -> None:
-    """Raise InputError when the domain of a task plans none."""
-    if not hasattr(task.folder.code, "plan_transits"):
+def require_transits(task: Task) -> PlanTransits:
+    """The function of a task's domain that plans them. Raises InputError when there is none."""
+    if task.folder.code.plan_transits is None:
         missing = Diagnostic(f"the domain `{task.folder.path.name}` plans no transits", hint="leave out --motion")
         raise InputError(missing)
+    return task.folder.code.plan_transits
 
 
 def with_transits(
@@ -43,11 +45,11 @@ def with_transits(
     start, again = time.monotonic(), 0
     first: NoAnswer | LimitReached | None = None
     while True:
-        avoided = _avoided(instance)
+        avoided = frozenset(instance.given.avoided)
         plan, found, failure = _transits(Plan.of(instance, steps), instance, start + time_limit, progress)
         first = failure and (first or failure)
         left = start + time_limit - time.monotonic()
-        if failure is None or left <= 0 or _avoided(instance) == avoided:
+        if failure is None or left <= 0 or instance.given.avoided == avoided:
             break
         other = instance.renewed()
         progress(f"{failure}; choosing the steps again")
@@ -64,11 +66,6 @@ def with_transits(
     return Moved(instance, plan, statistics, first)
 
 
-def _avoided(instance: Instance) -> frozenset[Any]:
-    """What the streams of a world are to give no more, in domains that know of this."""
-    return frozenset(getattr(instance.world, "avoided", ()))
-
-
 def _transits(
     plan: Plan, instance: Instance, deadline: float, progress: Progress
 ) -> tuple[Plan, list[Any], NoAnswer | LimitReached | None]:
@@ -76,7 +73,7 @@ def _transits(
     found: list[Any] = []
     failure: NoAnswer | LimitReached | None = None
     steps = [(step.schema, step.args) for step in plan.steps]
-    plan_transits = instance.task.folder.code.plan_transits
+    plan_transits = require_transits(instance.task)
     try:
         with running(instance.task.folder, "plan_transits"):
             for move in plan_transits(instance.world, steps, instance.base.values, instance.seed, deadline):

@@ -75,7 +75,7 @@ class Plan:
         base, code = instance.base, instance.task.folder.code
         used = by_dependency([a for s in steps for a in s.args], instance)
         names = {id(value): name for name, value in base.values.items()}
-        known = set(instance.world.values) | set(used)
+        known = set(instance.given.values) | set(used)
         facts = [
             (predicate, *row)
             for predicate in sorted(base.makers)

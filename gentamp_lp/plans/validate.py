@@ -30,10 +30,9 @@ def validate(plan: Plan, task: Task, instance: Instance | None = None) -> list[s
     instance = instance or task.instance(plan.size, plan.seed, robot=plan.robot)
     adopt(plan, instance)
     problems = _unfounded(plan, instance)
-    check_facts = getattr(task.folder.code, "check_facts", None)  # a domain may check claims no replay would test
-    if check_facts and not problems:
+    if not problems:
         with running(task.folder, "check_facts"):
-            problems = check_facts(instance.world, plan.facts, instance.base.values)
+            problems = task.folder.code.check_facts(instance.world, plan.facts, instance.base.values)
     if problems:
         return problems
     state, problems = _simulate(plan, instance)
@@ -42,7 +41,7 @@ def validate(plan: Plan, task: Task, instance: Instance | None = None) -> list[s
     if not _goal_holds(instance, state):
         problems.append("the goal does not hold after the last step")
     steps = [(step.schema, step.args) for step in plan.steps]
-    if plan.transits is not None and not hasattr(task.folder.code, "plan_transits"):
+    if plan.transits is not None and task.folder.code.plan_transits is None:
         return [*problems, f"the domain `{task.folder.path.name}` has no transits"]
     with running(task.folder, "check_plan"):
         problems += task.folder.code.check_plan(instance.world, steps, instance.base.values, *plan.transit_args)

@@ -118,7 +118,7 @@ def _planned(policy: Policy, task: Task, plan: Plan, progress: Progress) -> dict
     if problems := validate(plan, task):
         raise InputError(Diagnostic(f"the plan is not valid: {problems[0]}", hint="gentamp-lp validate says more"))
     title = f"Plan: size {plan.size}, seed {plan.seed}"
-    animate = getattr(task.folder.code, "animate_plan", None)
+    animate = task.folder.code.animate_plan
     if animate is None:
         return _run(title, states)
     instance = task.instance(plan.size, plan.seed, robot=plan.robot)

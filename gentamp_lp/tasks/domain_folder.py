@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from gentamp_lp.base.reading import read_text
@@ -16,9 +15,7 @@ from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import Diagnostic, GentampError, InputError, code_fault
 from gentamp_lp.streams.pddl import Domain, parse_domain
 from gentamp_lp.streams.stream_file import Stream, parse_streams
-
-#: What the package of a domain must define; `domains/tabletop` is the worked example.
-HOOKS = ("Scene", "make_world", "stream_map", "encode", "decode", "check_plan", "render_plan")
+from gentamp_lp.tasks.domain_code import DomainCode, World
 
 
 @dataclass(frozen=True)
@@ -28,7 +25,7 @@ class DomainFolder:
     path: Path
     domain: Domain
     streams: tuple[Stream, ...]
-    code: ModuleType
+    code: DomainCode
 
 
 _LOADED: dict[Path, DomainFolder] = {}
@@ -103,7 +100,7 @@ def running(folder: DomainFolder, function: str, *passing: type[Exception]) -> I
         raise code_fault(f"`{function}` failed", error, folder.path) from error
 
 
-def check_world(folder: DomainFolder, world: Any) -> None:
+def check_world(folder: DomainFolder, world: World) -> None:
     """Compare the facts of a drawn world with the domain's predicates. Raises InputError."""
     domain, names = folder.domain, world.values.keys() | set(folder.domain.constants)
     unchanging = domain.predicates.keys() - domain.fluents
@@ -131,7 +128,7 @@ def _misfit(domain: Domain, fact: Any, allowed: Iterable[str], names: Iterable[s
     return f"`values` has no `{unknown[0]}`" if unknown else None
 
 
-def _import(path: Path) -> ModuleType:
+def _import(path: Path) -> DomainCode:
     name = f"gentamp_domain_{path.name}"
     init = path / "__init__.py"
     spec = importlib.util.spec_from_file_location(name, init, submodule_search_locations=[str(path)])
@@ -144,9 +141,4 @@ def _import(path: Path) -> ModuleType:
     except Exception as error:
         del sys.modules[name]
         raise InputError(Diagnostic(f"the domain's Python code fails to load: {error!r}", init)) from error
-    missing = [hook for hook in HOOKS if not hasattr(module, hook)]
-    if missing:
-        raise InputError(
-            Diagnostic(f"the domain's Python code lacks {', '.join(missing)}", init, hint="see docs/domains.md")
-        )
-    return module
+    return DomainCode(module, init)

@@ -20,6 +20,7 @@ from gentamp_lp.streams.formula import Formula
 from gentamp_lp.streams.pddl import parse_formula
 from gentamp_lp.streams.semantics import Program, State
 from gentamp_lp.streams.sorts import infer_sorts
+from gentamp_lp.tasks.domain_code import NO_ROBOT, World, read_world
 from gentamp_lp.tasks.domain_folder import DomainFolder, check_stream_map, check_world, load_domain, running
 from gentamp_lp.tasks.grammars import find_grammar
 
@@ -35,7 +36,7 @@ class TaskFile(BaseModel):
     name: str = Field(pattern=r"^[a-z][a-z0-9_-]*$")
     description: str = ""
     domain: str
-    robot: str
+    robot: str = Field(NO_ROBOT, description="name or description file; left out in domains without robots")
     size: tuple[str, ...] = Field(min_length=1, description="parameters in the order `--size A-B` gives them")
     defaults: Mapping[str, tuple[int, int]] = Field(
         default_factory=dict, description="inclusive range of a parameter that `--size` leaves out"
@@ -150,52 +151,59 @@ class Task:
         """
         rng = np.random.default_rng([seed, 0])
         parameters = self.parameters(size, rng)
-        code = self.folder.code
+        folder, robot = self.folder, robot or self.file.robot
         try:
-            with running(self.folder, "make_world", OverflowError):
-                world = code.make_world(self.scene, parameters, robot or self.file.robot, rng)
+            with running(folder, "make_world", OverflowError):
+                world = folder.code.make_world(self.scene, parameters, robot, rng)
         except SceneError as error:
             line = line_of(read_yaml(self.path), ("scene", *error.location))
             raise InputError(*(replace(d, path=self.path, line=line) for d in error.diagnostics)) from None
         except OverflowError as error:
             hint = "numbers in `scene` may be too large"
             raise InputError(Diagnostic(f"the scene cannot be built: {error!r}", self.path, hint=hint)) from error
-        with running(self.folder, "make_world"):
-            check_world(self.folder, world)
-        return Instance(self, str(size), seed, parameters, world, self._facts(world, seed), frozenset(world.fluents))
+        with running(folder, "make_world"):
+            given = read_world(world, folder.domain.constants)
+            check_world(folder, given)
+        if given.robot.name == NO_ROBOT != robot:
+            hint = "leave out `robot` in the task file, and --robot"
+            raise InputError(Diagnostic(f"the domain has no robots, and no `{robot}`", self.path, hint=hint))
+        base = self._facts(world, given, seed)
+        return Instance(self, str(size), seed, parameters, world, given, base, frozenset(given.fluents))
 
-    def _facts(self, world: Any, seed: int) -> FactBase:
+    def _facts(self, world: Any, given: World, seed: int) -> FactBase:
         """What is known of a world before anything is sampled."""
-        with running(self.folder, "stream_map"):
-            generators = self.folder.code.stream_map(world, seed)
-        check_stream_map(self.folder, generators)
-        sorts = infer_sorts(self.folder.domain, self.folder.streams, world.static)
-        base = FactBase(self.folder.domain, self.folder.streams, generators, dict(world.values), sorts)
-        for fact in world.static:
+        folder = self.folder
+        with running(folder, "stream_map"):
+            generators = folder.code.stream_map(world, seed)
+        check_stream_map(folder, generators)
+        sorts = infer_sorts(folder.domain, folder.streams, given.static)
+        base = FactBase(folder.domain, folder.streams, generators, dict(given.values), sorts)
+        for fact in given.static:
             base.add(fact)
         return base
 
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """One problem: a world, what is known about it, and its initial state."""
+    """One problem: a world of the domain's own class, what is known about it, and its initial state."""
 
     task: Task
     size: str
     seed: int
     parameters: Mapping[str, int]
     world: Any
+    given: World
     base: FactBase
     state: State
 
     @property
     def robot(self) -> str:
         """The robot's name."""
-        return str(self.world.robot.name)
+        return str(self.given.robot.name)
 
     def renewed(self) -> Instance:
         """The same problem in the same world, with nothing sampled or tested yet."""
-        return replace(self, base=self.task._facts(self.world, self.seed))
+        return replace(self, base=self.task._facts(self.world, self.given, self.seed))
 
 
 def shipped_tasks() -> list[str]:

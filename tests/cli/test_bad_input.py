@@ -158,6 +158,13 @@ def coins_with(place, old, new):
     return ["solve", place.coins(code=CODE.replace(old, new)), "--size", "2", "--mode", "unguided", "--trust"]
 
 
+def without(place, hook, body="return (coin + 1,)"):
+    """Solve a problem of the coins without one of the functions of their Python code."""
+    kept = [part for part in CODE.split("\n\n") if not part.startswith(f"def {hook}(")]
+    task = place.coins(body, code="\n\n".join(kept))
+    return ["solve", task, "--size", "2", "--mode", "unguided", "--trust"]
+
+
 YAML = "task.yaml"
 CASES = {
     # --- the command line
@@ -281,9 +288,22 @@ CASES = {
         "has no Python sampler", "stream.pddl:2"),
     "domain code that fails": (
         lambda p: ["check", p.coins(code="1 / 0\n"), "--trust"], "fails to load", "ZeroDivisionError"),
-    "domain code that lacks a hook": (
+    "domain code with a misspelt hook": (
         lambda p: ["check", p.coins(code=CODE.replace("def check_plan", "def chek_plan")), "--trust"],
-        "lacks check_plan", ""),
+        "`chek_plan` is not `check_plan`", "rename it"),
+    "domain code without a world": (
+        lambda p: ["check", p.coins(code=CODE.replace("def make_world", "def world")), "--trust"],
+        "coins/__init__.py: error: the domain's Python code lacks make_world", "docs/domains.md"),
+    "a value that no plan file holds": (
+        lambda p: without(p, "encode", "return (object(),)"),
+        "coins/__init__.py: error: entity `s1` cannot be written to a plan: it is or holds a value of type object",
+        "`encode` and `decode`"),
+    "a picture of a domain that draws none": (
+        lambda p: [*without(p, "render_plan"), "--render", "x.png"], "the domain `coins` draws nothing", "--render"),
+    "a robot for a domain without robots": (
+        lambda p: coins_with(p, "self.robot = Robot()", "pass"), "has no robots, and no `hand`", "leave out `robot`"),
+    "a robot left out": (
+        lambda p: ["check", p.task("robot: panda\n", "")], "`tabletop` needs a robot", "panda"),
     "sampler that raises": (
         lambda p: ["learn", p.coins("return (1 / (coin - 1),)"), "--trust", "--no-cache"],
         "stream `sample-side` failed on (c1): ZeroDivisionError", "__init__.py:22"),

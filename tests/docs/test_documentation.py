@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 
 CONCEPTS = ["features", "abstraction", "termination", "constrained"]
 QUICK = {f"docs/{page}.md" for page in ("first-policy", "reading", "streams", "synthesis", *CONCEPTS)}
-QUICK |= {"docs/examples/06-own-domain/README.md"}
+QUICK |= {str(page.relative_to(ROOT)) for page in (ROOT / "docs/examples/06-own-domain").rglob("*.md")}
 PROSE = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("domains/**/*.md")]
 LONG = 35  # words of a sentence
 GUIDES = ["first-policy", "reading", "tasks", "domains", "robots", "streams", "synthesis", "cluster"]

@@ -6,7 +6,9 @@ import math
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -45,6 +47,11 @@ def plan(policy: Policy, tmp_path_factory) -> Data:
     path = tmp_path_factory.mktemp("plan") / "plan.json"
     result.plan.save(path)
     return json.loads(path.read_text())
+
+
+def part(name: str) -> ModuleType:
+    """A module of the domain's Python code."""
+    return import_module(f"{Task.load('transport').folder.code.module.__name__}.{name}")
 
 
 def sampled(size: str) -> Instance:
@@ -93,7 +100,7 @@ def test_a_tray_that_holds_more_or_less_than_it_should_is_refused(tmp_path: Path
 
 def test_the_capacity_bound_is_sound() -> None:
     """Circles packed at random into a strip are never shorter than the bound allows."""
-    zigzag = __import__(Task.load("transport").folder.code.__name__ + ".scene", fromlist=["scene"])._zigzag
+    zigzag = part("generator")._zigzag
     rng = np.random.default_rng(0)
     for _ in range(2000):
         diameters, width = rng.uniform(0.04, 0.07, 4), 0.07
@@ -121,7 +128,7 @@ def test_nothing_loose_is_driven() -> None:
 def test_drives_keep_clear_of_tables() -> None:
     """Straight through the table is refused; backing off, crossing and turning is not."""
     world = Task.load("transport").instance("2-2", 0).world
-    rooms = __import__(Task.load("transport").folder.code.__name__ + ".rooms", fromlist=["rooms"])
+    rooms = part("rooms")
     there = next(base for base in world.parkings("destination", np.random.default_rng(0)) if base)
     good = rooms.Way(drive(world.base.place, there.place), world.robot.opening)
     beyond = rooms.Way(drive(world.base.place, np.array([2.3, 0.0, math.pi])), world.robot.opening)
@@ -165,24 +172,24 @@ def test_a_load_that_stands_too_high_is_seen_while_driving() -> None:
 def test_places_for_trays_are_those_from_which_an_arm_can_unload() -> None:
     """The PR2 reaches both cells of every tray that it puts down; without that, many places strand its load."""
     world = Task.load("transport").instance("2-2", 0, robot="pr2").world
-    scene = __import__(Task.load("transport").folder.code.__name__ + ".scene", fromlist=["scene"])
+    world_module = part("world")
     rng = np.random.default_rng(0)
-    drawn = list(scene.uniform_placements(world.supports["destination"].area, rng, 12))
-    good = [scene.serves(world, "tray", "destination", placement, rng) for placement in drawn]
+    drawn = list(world_module.uniform_placements(world.supports["destination"].area, rng, 12))
+    good = [world_module.serves(world, "tray", "destination", placement, rng) for placement in drawn]
     assert 2 <= sum(good) <= 10
     base = next(base for base in world.parkings("destination", rng) if base)
     for placement in (p for p, g in zip(drawn, good, strict=True) if g):
-        for cell in scene.cell_placements(world, "tray"):
+        for cell in world_module.cell_placements(world, "tray"):
             target = placement.transform @ cell.transform
             tools = ((target @ g.tool, g.opening) for g in world.grasps["thing1"])
             assert any(world.robot.reach_from(base.place, tool, opening, rng) for tool, opening in tools)
-    assert scene.serves(world, "thing1", "destination", drawn[0], rng)
+    assert world_module.serves(world, "thing1", "destination", drawn[0], rng)
 
 
 def test_a_group_that_gets_stuck_is_drawn_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a small area the first things often leave no place for the last."""
     small = edited(tmp_path, ("y: [-0.40, 0.40], things: 17}}\n    destination", "y: [-0.16, 0.40]}}\n    destination"))
-    scene = __import__(small.folder.code.__name__ + ".scene", fromlist=["scene"])
+    arrange = part("arrange")
 
     def drawn() -> int:
         made = 0
@@ -192,7 +199,7 @@ def test_a_group_that_gets_stuck_is_drawn_again(tmp_path: Path, monkeypatch: pyt
         return made
 
     often = drawn()
-    monkeypatch.setattr(scene, "_AGAIN", 1)
+    monkeypatch.setattr(arrange, "_AGAIN", 1)
     assert drawn() < often
 
 
