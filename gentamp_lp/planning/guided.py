@@ -24,7 +24,7 @@ from gentamp_lp.planning.feature_changes import Prospect, Watches
 from gentamp_lp.planning.repair import Wish, Wishes
 from gentamp_lp.policy.model import AbstractAction
 from gentamp_lp.policy.policy import Policy
-from gentamp_lp.streams.facts import Args, Fact, FactBase
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -39,6 +39,7 @@ from gentamp_lp.streams.formula import (
 )
 from gentamp_lp.streams.pddl import ActionSchema, Axiom
 from gentamp_lp.streams.queries import Query, Situation
+from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.semantics import Program, State, Step, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.tasks.task import Instance

@@ -25,7 +25,7 @@ from typing import IO
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
 from gentamp_lp.solvers.processes import start
-from gentamp_lp.streams.facts import Fact, FactBase, bind, match
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -41,6 +41,7 @@ from gentamp_lp.streams.formula import (
     to_pddl,
 )
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
+from gentamp_lp.streams.relations import bind, match
 from gentamp_lp.streams.semantics import Program, State, Step, View
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
@@ -337,7 +338,7 @@ def write_problem(
 
 
 def _charge(schema: ActionSchema) -> float | Atom:
-    """What Fast Downward is told that an action costs: a number or one function, which may stand for a sum."""
+    """What an action costs in the planner's input: a number or one function, which may stand for a sum."""
     if not schema.cost_terms:
         return schema.cost
     if len(schema.cost_terms) == 1 and not schema.cost:

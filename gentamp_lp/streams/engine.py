@@ -18,7 +18,7 @@ from typing import Any
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
 from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, Planner, translated
-from gentamp_lp.streams.facts import Args, Fact, bind
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.focus import focus
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.language import INF, Generator
@@ -34,6 +34,7 @@ from gentamp_lp.streams.optimism import (
     split,
 )
 from gentamp_lp.streams.problem import Problem
+from gentamp_lp.streams.relations import Args, bind
 from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.streams.support import Needs, plan_needs

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from gentamp_lp.streams.facts import Args
 from gentamp_lp.streams.optimism import Call, World
+from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.semantics import Step
 from gentamp_lp.streams.stream_file import Stream
 

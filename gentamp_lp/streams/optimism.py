@@ -17,7 +17,7 @@ from typing import Any
 import networkx as nx
 
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, failed
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -32,7 +32,9 @@ from gentamp_lp.streams.formula import (
 )
 from gentamp_lp.streams.language import Generator, Outputs, one_by_one
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
+from gentamp_lp.streams.relations import Args, Relation, bind
 from gentamp_lp.streams.semantics import Program
+from gentamp_lp.streams.stream_code import failed
 from gentamp_lp.streams.stream_file import Stream
 
 Literal = tuple[Fact, bool]

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import count
 from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Places, Relation, bind, picked
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -24,6 +24,7 @@ from gentamp_lp.streams.formula import (
     normalize,
 )
 from gentamp_lp.streams.pddl import ActionSchema
+from gentamp_lp.streams.relations import Args, Places, Relation, bind, picked
 from gentamp_lp.streams.semantics import Program, State, View, reads
 from gentamp_lp.streams.stream_file import Stream
 

@@ -13,7 +13,7 @@ from gentamp_lp.streams.constraints import PlanConstraints, constrain
 from gentamp_lp.streams.diagnosis import diagnose
 from gentamp_lp.streams.downward import MEMORY_LIMIT, PLANNERS, SEARCHES
 from gentamp_lp.streams.engine import Engine, Found, Options
-from gentamp_lp.streams.facts import Fact, FactBase, StreamStatistics
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.language import (
     INF,
@@ -29,6 +29,7 @@ from gentamp_lp.streams.language import (
 from gentamp_lp.streams.optimism import TooManyCalls
 from gentamp_lp.streams.problem import Problem, build
 from gentamp_lp.streams.semantics import State
+from gentamp_lp.streams.stream_code import StreamStatistics
 
 ALGORITHMS = ("adaptive", "incremental")
 #: Other optimistic algorithms of PDDLStream, in whose place `adaptive` is run.

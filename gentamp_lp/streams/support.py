@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
-from gentamp_lp.streams.facts import Args, Fact, Relation, bind, match
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -20,6 +20,7 @@ from gentamp_lp.streams.formula import (
 )
 from gentamp_lp.streams.optimism import Call, Literal, World
 from gentamp_lp.streams.pddl import ActionSchema
+from gentamp_lp.streams.relations import Args, Relation, bind, match
 from gentamp_lp.streams.semantics import Program, State, Step
 
 Binding = dict[str, str]
@@ -181,10 +182,10 @@ class Support:
         match goal:
             case Atom(predicate, args):
                 unbound = sum(a.startswith("?") and a not in binding for a in args)
-                dear = 10**6 * (predicate in self.world.tests) + 10**5 * (predicate in self.program.axioms)
-                dear += 10**8 * (predicate == "=" and unbound == 2)
+                penalty = 10**6 * (predicate in self.world.tests) + 10**5 * (predicate in self.program.axioms)
+                penalty += 10**8 * (predicate == "=" and unbound == 2)
                 size = len(self.fluents.get(predicate) or self.world.relation(predicate))
-                return 1 + unbound * (1 + dear + size)
+                return 1 + unbound * (1 + penalty + size)
             case Not(body):
                 return 10**8 if body.free - binding.keys() else 2
             case _:
