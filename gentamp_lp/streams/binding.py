@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from gentamp_lp.errors import LimitReached
 from gentamp_lp.streams.facts import FactBase
-from gentamp_lp.streams.optimism import Call, Literal
+from gentamp_lp.streams.hopes import Call, Literal
 from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.support import Needs
 

@@ -12,7 +12,8 @@ from gentamp_lp.errors import InputError, LimitReached, MemoryLimitReached, NoAn
 from gentamp_lp.streams.constraints import PlanConstraints, constrain
 from gentamp_lp.streams.diagnosis import diagnose
 from gentamp_lp.streams.downward import MEMORY_LIMIT, PLANNERS, SEARCHES
-from gentamp_lp.streams.engine import Engine, Found, Options
+from gentamp_lp.streams.engine import Engine, Options
+from gentamp_lp.streams.execution import Found
 from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.language import (
@@ -26,8 +27,8 @@ from gentamp_lp.streams.language import (
     Solution,
     StreamInfo,
 )
-from gentamp_lp.streams.optimism import TooManyCalls
-from gentamp_lp.streams.problem import Problem, build
+from gentamp_lp.streams.optimistic_facts import TooManyCalls
+from gentamp_lp.streams.problem import PlanningProblem, build
 from gentamp_lp.streams.semantics import State
 from gentamp_lp.streams.stream_code import StreamStatistics
 
@@ -85,7 +86,7 @@ class Result(Solution):
 class _Search:
     """The best plan so far, over all searches with falling cost bounds."""
 
-    problem: Problem
+    problem: PlanningProblem
     options: Options
     success_cost: float
     best: Found | None = None
