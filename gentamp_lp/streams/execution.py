@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from gentamp_lp.streams.binding import Assignment, Refuted
-from gentamp_lp.streams.downward import COST_SCALE
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.hopes import StateFailure
 from gentamp_lp.streams.optimistic_facts import OptimisticFacts
 from gentamp_lp.streams.problem import PlanningProblem
+from gentamp_lp.streams.problem_text import COST_SCALE
 from gentamp_lp.streams.relations import bind
 from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
 from gentamp_lp.streams.stream_file import Stream
