@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import count, product
 
-from gentamp_lp.streams.facts import bind
 from gentamp_lp.streams.formula import (
     FALSE,
     TRUE,
@@ -30,6 +29,7 @@ from gentamp_lp.streams.formula import (
 )
 from gentamp_lp.streams.pddl import ActionSchema
 from gentamp_lp.streams.queries import unfold
+from gentamp_lp.streams.relations import bind
 from gentamp_lp.streams.semantics import Program
 from gentamp_lp.tasks.invariants import Group, key_of
 

@@ -180,7 +180,7 @@ class Bullet(Closing):
                     physicsClientId=self.client,
                 )
         body = self._body(collision, visual, pose)
-        if any(p.hull for p in shape.parts):  # PyBullet makes hulls thicker by 1 mm if it is not told otherwise
+        if any(p.hull for p in shape.parts):  # PyBullet makes hulls thicker by 1 mm unless asked not to
             pybullet.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=self.client)
         return body
 

@@ -18,10 +18,11 @@ from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, bind, match, sort_predicate
+from gentamp_lp.streams.facts import Fact, sort_predicate
 from gentamp_lp.streams.formula import TRUE, And, Atom, Exists, Formula, Not, Or, atoms, conjuncts, substitute
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
 from gentamp_lp.streams.queries import Query, Situation, unfold
+from gentamp_lp.streams.relations import Args, bind, match
 from gentamp_lp.streams.semantics import reads
 
 Toggles = dict[str, list[Args]]
@@ -67,7 +68,7 @@ class _Watch:
     everything: Query
     member: Query
     lazy: bool
-    recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked anew
+    recursive: frozenset[str] = frozenset()  # basic predicates of recursive axioms: after a change all is asked again
     near: dict[str, list[_Occurrence]] = field(default_factory=dict)
     growing: set[str] = field(default_factory=set)  # predicates it reads to which streams may add
     members: dict[Args, None] = field(default_factory=dict)  # unless lazy

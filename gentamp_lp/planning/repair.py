@@ -11,9 +11,10 @@ from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, bind
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import And, Atom, Exists, Formula, Not, Or
 from gentamp_lp.streams.queries import Query, Situation, unfold
+from gentamp_lp.streams.relations import Args, bind
 from gentamp_lp.streams.semantics import Program
 
 _LOOKED_AT = 8  # bindings with the fewest early obstacles, of which late ones are looked for

@@ -18,7 +18,7 @@ from gentamp_lp.streams.formula import And, Atom
 from gentamp_lp.streams.incremental import solve_incremental
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.problem import Problem
+from gentamp_lp.streams.problem import PlanningProblem
 from gentamp_lp.streams.semantics import Program, Step
 from gentamp_lp.tasks.task import Instance
 
@@ -109,7 +109,7 @@ def _along(
     """Search for the arguments of a skeleton."""
     task = instance.task
     domain, goal, start = skeleton_domain(task.folder.domain, task.goal, names)
-    problem = Problem(Program.of(domain), instance.base, instance.state | start, goal, Names())
+    problem = PlanningProblem(Program.of(domain), instance.base, instance.state | start, goal, Names())
     return original_steps(search_unguided(problem, instance, algorithm, time_limit, progress))
 
 

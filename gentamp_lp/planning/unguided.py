@@ -15,7 +15,7 @@ from gentamp_lp.streams.engine import Engine, Options
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or
 from gentamp_lp.streams.incremental import quota_for, sample, solve_incremental
 from gentamp_lp.streams.naming import Names
-from gentamp_lp.streams.problem import Problem
+from gentamp_lp.streams.problem import PlanningProblem
 from gentamp_lp.streams.semantics import Step, polarities, reads
 from gentamp_lp.streams.stream_file import Stream
 from gentamp_lp.tasks.task import Instance
@@ -30,12 +30,12 @@ def plan_unguided(
     """
     if engine == "pddlstream":
         return _pddlstream(instance, algorithm or choose(instance), time_limit)
-    problem = Problem(instance.task.program, instance.base, instance.state, instance.task.goal, Names())
+    problem = PlanningProblem(instance.task.program, instance.base, instance.state, instance.task.goal, Names())
     return search_unguided(problem, instance, algorithm, time_limit, progress)
 
 
 def search_unguided(
-    problem: Problem,
+    problem: PlanningProblem,
     instance: Instance,
     algorithm: str | None,
     time_limit: float,

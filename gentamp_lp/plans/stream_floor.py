@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gentamp_lp.plans.plan import by_dependency
-from gentamp_lp.streams.facts import Args
+from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.semantics import Step, View, apply, precondition_holds
 from gentamp_lp.tasks.task import Instance
 

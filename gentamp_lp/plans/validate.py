@@ -12,9 +12,10 @@ import time
 
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.plans.plan import Plan
-from gentamp_lp.streams.facts import Fact, bind
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import And
 from gentamp_lp.streams.incremental import quota_for, sample
+from gentamp_lp.streams.relations import bind
 from gentamp_lp.streams.semantics import State, View, apply, precondition_holds, reads
 from gentamp_lp.tasks.domain_folder import running
 from gentamp_lp.tasks.task import Instance, Task

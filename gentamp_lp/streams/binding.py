@@ -15,8 +15,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.streams.facts import Args, FactBase
-from gentamp_lp.streams.optimism import Call, Literal
+from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.hopes import Call, Literal
+from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.support import Needs
 
 Assignment = dict[str, str]
@@ -36,7 +37,7 @@ class Refuted:
 class Binder:
     """The calls of one plan and the values they have got so far.
 
-    `effort` multiplies the samples and repairs that are tried; `contextual` streams are told what the others gave;
+    `effort` multiplies the samples and repairs that are tried; `contextual` streams receive what the others gave;
     `cursor` counts the samples of each call that were looked at already.
     """
 
@@ -177,7 +178,7 @@ class Binder:
             yield from self.rng.sample(known, min(len(known), SAMPLES * self.effort))
 
     def _contextual_samples(self, call: Call, inputs: Args) -> Iterator[Args]:
-        """Samples of a generator that is told what stands already: newly started each time."""
+        """Samples of a generator that receives what stands already: newly started each time."""
         base, stream = self.base, call.stream
         context = [
             (tuple(self.assigned.get(n, n) for n in other.inputs), outputs)

@@ -10,7 +10,7 @@ from gentamp_lp.errors import InputError
 from gentamp_lp.streams.formula import FALSE, TRUE, And, Atom, Formula, Not, Or
 from gentamp_lp.streams.language import INF
 from gentamp_lp.streams.pddl import ActionSchema, Effect
-from gentamp_lp.streams.problem import Problem, Translator
+from gentamp_lp.streams.problem import PlanningProblem, Translator
 from gentamp_lp.streams.semantics import Program, Step
 
 WILD = "*"
@@ -43,7 +43,7 @@ class PlanConstraints:
 class Constrained:
     """A problem whose plans meet the constraints, and the actions that its own stand for."""
 
-    problem: Problem
+    problem: PlanningProblem
     originals: Mapping[str, str]
 
     def original(self, step: Step) -> Step:
@@ -51,7 +51,7 @@ class Constrained:
         return Step(self.originals.get(step.schema, step.schema), step.args)
 
 
-def constrain(problem: Problem, constraints: PlanConstraints) -> Constrained:
+def constrain(problem: PlanningProblem, constraints: PlanConstraints) -> Constrained:
     """Compile skeletons into the domain: one copy of an action for each step of each skeleton.
 
     Facts `done` say which steps were taken, `chosen` which skeleton is followed, `bound` what a variable stands for.

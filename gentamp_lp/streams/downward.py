@@ -1,8 +1,7 @@
-"""Fast Downward as a subprocess: write a sampled problem, search it, read the plan.
+"""Fast Downward as a subprocess: search a sampled problem, read the plan.
 
 The translator runs with binary variables (`--invariant-generation-max-candidates 0`): the negation of a
 disjunction over a many-valued variable is otherwise expanded exponentially by the heuristics.
-A test predicate used under negation is sent as its complement (`no-cfree` facts for refuted pairs).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,23 +24,10 @@ from typing import IO
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, SolverError
 from gentamp_lp.solvers.processes import start
-from gentamp_lp.streams.facts import Fact, FactBase, bind, match
-from gentamp_lp.streams.formula import (
-    And,
-    Atom,
-    Exists,
-    Formula,
-    Not,
-    Or,
-    atoms,
-    conjuncts,
-    normalize,
-    rebuilt,
-    substitute,
-    to_pddl,
-)
-from gentamp_lp.streams.pddl import ActionSchema, Axiom, Effect
-from gentamp_lp.streams.semantics import Program, State, Step, View
+from gentamp_lp.streams.facts import FactBase
+from gentamp_lp.streams.formula import Formula
+from gentamp_lp.streams.problem_text import COST_SCALE, write_problem
+from gentamp_lp.streams.semantics import Program, State, Step
 
 MEMORY_LIMIT = 4 * 1024**3  # bytes, as each run of the paper had
 #: Tried in turn, shortly at first, then each with a share of the remaining time; the last one gets all of it.
@@ -53,7 +39,6 @@ SEARCHES = (
 )
 _SHARES = (0.5, 0.7, 1.0)
 _FIRST = (0.5, 2.0, 8.0)  # seconds that each of several searches gets at most, in rounds, before any gets its share
-COST_SCALE = 1000  # Fast Downward counts costs in whole numbers
 #: The planner names of PDDLStream. `lmcut` cannot handle derived predicates, so hmax takes its place.
 PLANNERS = {
     "dijkstra": "astar(blind())",
@@ -265,161 +250,3 @@ def _run(
     if process.returncode != 0 and _NO_MEMORY.search(output):
         return 22, output
     return process.returncode, output
-
-
-def write_problem(
-    program: Program, base: FactBase, state: State, goal: Formula, *, unit_costs: bool = False, exact: bool = False
-) -> tuple[str, str]:
-    """The sampled problem as two PDDL texts, with refuted tests as `no-...` facts.
-
-    A test fails also where its stream's conditions do not hold. Almost always a formula that negates the test implies
-    these conditions, and the text takes that for granted, which keeps the ground problem small; `exact` does not.
-    """
-    goals = split_goal(program, base, goal)
-    axioms = [a for rows in program.axioms.values() for a in rows]
-    axioms += [Axiom(Atom(f"goal-part-{number}", ()), part) for number, part in enumerate(goals)]
-    formulas = [*program.preconditions.values(), *(a.body for a in axioms)]
-    formulas += [normalize(e.condition) for s in program.domain.actions for e in s.effects]
-    used = {a.predicate: len(a.args) for f in formulas for a in atoms(_complement(f, base, exact))}
-    charged = [] if unit_costs else [a for a in program.domain.actions if a.cost or a.cost_terms]
-    costs = {schema.name: _charge(schema) for schema in charged}
-    values = {fact: value for schema in charged for fact, value in _charges(schema, base)}
-    lines = [f"(define (domain {program.domain.name or 'd'})", "(:requirements :adl :derived-predicates)"]
-    declared: dict[str, int] = {}
-    for name in sorted(used.keys() | program.domain.fluents | {axiom.head.predicate for axiom in axioms}):
-        if name != "=":
-            known = program.domain.predicates.get(name)
-            declared[name] = known.arity if known else used.get(name, 0)
-    declared |= {axiom.head.predicate: len(axiom.head.args) for axiom in axioms}
-    derived = {axiom.head.predicate for axiom in axioms}
-    given = [name for name in declared if name not in derived]  # what axioms derive may not be stated
-    terms = {c.predicate: len(c.args) for c in costs.values() if isinstance(c, Atom)}
-    declared |= {f"value-of-{name}": arity for name, arity in terms.items()}
-    constants = dict.fromkeys([*program.domain.constants, *_mentioned(formulas)])
-    if constants:
-        lines.append(f"(:constants {' '.join(constants)})")
-    lines.append("(:predicates")
-    lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in declared.items()]
-    lines.append(")")
-    if costs:
-        lines.append("(:functions (total-cost) - number")
-        lines += [f"  ({name}{''.join(f' ?x{i}' for i in range(n))}) - number" for name, n in terms.items()]
-        lines.append(")")
-    for schema in program.domain.actions:
-        precondition = _text(program.preconditions[schema.name], base, exact)
-        effect = " ".join(_effect(e, base, exact) for e in schema.effects)
-        match costs.get(schema.name):
-            case Atom(function, args):
-                precondition = f"(and (value-of-{' '.join((function, *args))}) {precondition})"
-                effect += f" (increase (total-cost) ({' '.join((function, *args))}))"
-            case float(amount):
-                effect += f" (increase (total-cost) {scaled(amount)})"
-        parameters = " ".join(schema.parameters)
-        lines.append(
-            f"(:action {schema.name} :parameters ({parameters}) :precondition {precondition} :effect (and {effect}))"
-        )
-    lines += [f"(:derived {to_pddl(a.head)} {_text(a.body, base, exact)})" for a in axioms]
-    domain_text = "\n".join([*lines, ")"])
-    facts = list(_facts(base, given)) + sorted(state) + [(f"value-of-{f[0]}", *f[1:]) for f in values]
-    objects = dict.fromkeys(a for f in facts for a in f[1:] if a not in constants)
-    problem = [
-        f"(define (problem sampled) (:domain {program.domain.name or 'd'})",
-        f"(:objects {' '.join(objects)})",
-        "(:init",
-        *(f"({' '.join(fact)})" for fact in facts),
-        *(["(= (total-cost) 0)"] if costs else []),
-        *(f"(= ({' '.join(fact)}) {scaled(value)})" for fact, value in values.items()),
-        ")",
-        f"(:goal (and {' '.join(f'(goal-part-{number})' for number in range(len(goals)))}))",
-        "(:metric minimize (total-cost)))" if costs else ")",
-    ]
-    return domain_text, "\n".join(problem)
-
-
-def _charge(schema: ActionSchema) -> float | Atom:
-    """What Fast Downward is told that an action costs: a number or one function, which may stand for a sum."""
-    if not schema.cost_terms:
-        return schema.cost
-    if len(schema.cost_terms) == 1 and not schema.cost:
-        return schema.cost_terms[0]
-    return Atom(f"cost-of-{schema.name}", tuple(sorted(set().union(*(term.free for term in schema.cost_terms)))))
-
-
-def _charges(schema: ActionSchema, base: FactBase) -> Iterator[tuple[Fact, float]]:
-    """The values of the function that says what an action costs."""
-    match _charge(schema):
-        case Atom() as function:
-            sums: list[tuple[dict[str, str], float]] = [({}, schema.cost)]
-            for term in schema.cost_terms:
-                rows = [(fact[1:], value) for fact, value in base.costs.items() if fact[0] == term.predicate]
-                sums = [
-                    (extended, total + value)
-                    for binding, total in sums
-                    for row, value in rows
-                    if (extended := match(term.args, row, binding)) is not None
-                ]
-            for binding, total in sums:
-                yield (function.predicate, *bind(function, binding)), total
-
-
-def scaled(cost: float) -> int:
-    """A cost in Fast Downward's units."""
-    return min(round(COST_SCALE * cost), 10**8)
-
-
-def _mentioned(formulas: Iterable[Formula]) -> Iterator[str]:
-    return (arg for formula in formulas for atom in atoms(formula) for arg in atom.args if not arg.startswith("?"))
-
-
-def split_goal(program: Program, base: FactBase, goal: Formula) -> list[Formula]:
-    """The goal as a list of conditions: what it says of all entities is said of each one separately.
-
-    Planners take a quantified goal for a single one that is reached or not; of many they can count how many are. Only
-    quantifiers whose range unchanging facts determine are written out. The parts are normalized.
-    """
-    changing = program.domain.fluents | program.axioms.keys() | base.tests.keys()
-    parts: list[Formula] = []
-    for part in conjuncts(normalize(goal)):
-        match part:
-            case Not(Exists(variables, body)):
-                fixed = [c for c in conjuncts(body) if c.predicates.isdisjoint(changing)]
-                bound = {arg for c in fixed if isinstance(c, Atom) and c.predicate != "=" for arg in c.args}
-                if not bound.issuperset(variables):
-                    parts.append(part)
-                    continue
-                rest = Not(And(tuple(c for c in conjuncts(body) if c not in fixed)))
-                found = View(program, base, frozenset()).solutions(And(tuple(fixed)))
-                ranges = dict.fromkeys(tuple(solution[v] for v in variables) for solution in found)
-                parts += [normalize(substitute(rest, dict(zip(variables, row, strict=True)))) for row in ranges]
-            case _:
-                parts.append(part)
-    return parts
-
-
-def _facts(base: FactBase, declared: Iterable[str]) -> Iterator[tuple[str, ...]]:
-    for name in declared:
-        if name.startswith("no-") and name[3:] in base.tests:
-            yield from ((name, *args) for args in base.refuted(name[3:]))
-        else:
-            yield from ((name, *args) for args in base.relation(name).rows)
-
-
-def _complement(formula: Formula, base: FactBase, exact: bool = False) -> Formula:
-    match formula:
-        case Not(Atom(predicate, args)) if predicate in base.tests:
-            refuted = Atom(f"no-{predicate}", args)
-            if not exact:
-                return refuted
-            return Or((refuted, *(_complement(Not(c), base, exact) for c in base.test_conditions(predicate, args))))
-    return rebuilt(formula, lambda part: _complement(part, base, exact))
-
-
-def _text(formula: Formula, base: FactBase, exact: bool) -> str:
-    return to_pddl(_complement(formula, base, exact)).replace("#", "_")
-
-
-def _effect(effect: Effect, base: FactBase, exact: bool) -> str:
-    text = to_pddl(effect.atom) if effect.positive else f"(not {to_pddl(effect.atom)})"
-    if conjuncts(effect.condition):
-        text = f"(when {_text(normalize(effect.condition), base, exact)} {text})"
-    return f"(forall ({' '.join(effect.variables)}) {text})" if effect.variables else text

@@ -1,8 +1,9 @@
 """The algorithms: plan over what may be, find out what is, until a plan holds.
 
-`adaptive` plans over placeholders for what streams have not given yet (`optimism`), asks only the streams and tests
-that the plan needs (`support`, `binding`), and gives up the hopes that were disappointed until there is no plan without
-them; then it hopes again and tries harder. `incremental` samples every stream level by level and plans over that.
+`adaptive` plans over placeholders for what streams have not given yet (`optimistic_facts`), asks only the streams and
+tests that the plan needs (`support`, `binding`, `execution`), and gives up the hopes that were disappointed until there
+is no plan without them; then it hopes again and tries harder. `incremental` samples every stream level by level and
+plans over that.
 Either way a plan is returned only after a simulation with the real facts, in which every test that is read is run.
 """
 
@@ -17,31 +18,25 @@ from typing import Any
 
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, MemoryLimitReached, NoAnswer, SolverError
 from gentamp_lp.streams.binding import SAMPLES, Assignment, Binder, Refuted
-from gentamp_lp.streams.downward import COST_SCALE, MEMORY_LIMIT, SEARCHES, Planner, translated
-from gentamp_lp.streams.facts import Args, Fact, bind
+from gentamp_lp.streams.downward import MEMORY_LIMIT, SEARCHES, Planner, translated
+from gentamp_lp.streams.execution import Execution, Found, Stuck
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.focus import focus
+from gentamp_lp.streams.hopeful_domain import Split, hopeful_problem, split
+from gentamp_lp.streams.hopes import Hopes
 from gentamp_lp.streams.incremental import run_tests, sample
 from gentamp_lp.streams.language import INF, Generator
-from gentamp_lp.streams.optimism import (
-    Failure,
-    Hopes,
-    Split,
-    TooManyCalls,
-    World,
-    hopeful_problem,
-    in_order,
-    relevant_streams,
-    split,
-)
-from gentamp_lp.streams.problem import Problem
-from gentamp_lp.streams.semantics import State, Step, View, apply, precondition_holds
-from gentamp_lp.streams.stream_file import Stream
+from gentamp_lp.streams.optimistic_facts import OptimisticFacts, TooManyCalls
+from gentamp_lp.streams.problem import PlanningProblem
+from gentamp_lp.streams.relations import Args
+from gentamp_lp.streams.semantics import Step
+from gentamp_lp.streams.stream_graph import in_order, relevant_streams
 from gentamp_lp.streams.support import Needs, plan_needs
 
 COPIES = (1, 2, 4)  # placeholders of one call; more when there is no plan
 UNROLLED = 3  # times that streams feed themselves at first
 MAX_LEVELS = 10
-TRIES = 10  # with other samples for a plan that is too dear or that the real facts refute
+TRIES = 10  # with other samples for a plan that is too costly or that the real facts refute
 FEW_TESTS = 50  # of one stream, run before planning: cheaper than to plan with wrong hopes; more after disappointments
 LAST_RESORT = 2  # a power of ten: samples of every stream call before `adaptive` gives up
 MAX_OBJECTS = 1000  # or this many of these
@@ -70,29 +65,11 @@ class Options:
     progress: Callable[[str], None] = lambda _: None
 
 
-@dataclass(frozen=True)
-class Found:
-    """A plan, its cost, the states along it, and what fluent streams certified in them."""
-
-    steps: list[Step]
-    cost: float
-    states: list[State]
-    facts: set[Fact]
-
-
-@dataclass(frozen=True)
-class _Stuck:
-    """Where the execution of a plan fails: at a call in a state, or (None) at a condition."""
-
-    refuted: Refuted | None = None
-    failures: tuple[Failure, ...] = ()  # what streams with `:fluents` said in this state, about placeholders
-    dear: bool = False  # the plan holds but costs too much
-
-
 class Engine:
     """One search. Not to be used by two threads; two searches do not share anything."""
 
-    def __init__(self, problem: Problem, options: Options) -> None:
+    def __init__(self, problem: PlanningProblem, options: Options) -> None:
+        self.problem = problem
         self.program, self.base, self.state, self.goal = problem.program, problem.base, problem.state, problem.goal
         self.options = options
         self.deadline = time.monotonic() + options.time_limit
@@ -140,50 +117,50 @@ class Engine:
                 raise LimitReached(f"no plan within {self.options.max_iterations} iterations")
             self._apply_rules()
             self._show_exhausted()
-            world, focused = self._world()
-            steps = self._plan(world)
+            hoped, focused = self._hope()
+            steps = self._plan(hoped)
             if steps is None:
                 if focused:
                     self.focusing = False
                 else:
-                    self._hope_again(world)
+                    self._hope_again(hoped)
                 continue
-            needs = plan_needs(self.program, world, self.state, steps, self.goal)
+            needs = plan_needs(self.program, hoped, self.state, steps, self.goal)
             if needs is None:
                 self._mistrust("the planner's plan cannot be explained")
                 continue
-            found = self._complete(world, steps, needs)
+            found = self._complete(hoped, steps, needs)
             if found is not None:
                 return found
 
-    def _world(self) -> tuple[World, bool]:
+    def _hope(self) -> tuple[OptimisticFacts, bool]:
         """What may be, and whether that is only what matters to a plan over a coarse view of it."""
-
-        def world(hopes: Hopes, **limits: Any) -> World:
-            costs, outputs = self.options.opt_costs, self.options.opt_outputs
-            return World.of(self.base, hopes, self.lazy, costs, self._left, opt_outputs=outputs, **limits)
-
-        def whole() -> World:
-            while True:
-                try:
-                    return world(self.hopes)
-                except TooManyCalls:
-                    if self.rung == 0:
-                        raise
-                    del self.rungs[self.rung :]
-                    self._climb(self.rung - 1)
-
         if not self.focusing:
-            return whole(), False
+            return self._hope_for_all(), False
         try:
-            return world(self.hopes, most=MANY_CALLS), False
+            return self._assume(self.hopes, most=MANY_CALLS), False
         except TooManyCalls:
-            coarse = world(Hopes(depth=self.longest, hidden=self.hopes.hidden, coarse=True))
+            coarse = self._assume(Hopes(depth=self.longest, hidden=self.hopes.hidden, coarse=True))
             steps = self._plan(coarse)
             if steps is None:
                 self.focusing = False
-                return whole(), False
-            return world(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
+                return self._hope_for_all(), False
+            return self._assume(self.hopes, wanted=focus(coarse, steps, self.lazy)), True
+
+    def _hope_for_all(self) -> OptimisticFacts:
+        """What may be, with as many outputs and as long chains of calls as can be assumed."""
+        while True:
+            try:
+                return self._assume(self.hopes)
+            except TooManyCalls:
+                if self.rung == 0:
+                    raise
+                del self.rungs[self.rung :]
+                self._climb(self.rung - 1)
+
+    def _assume(self, hopes: Hopes, **limits: Any) -> OptimisticFacts:
+        costs, outputs = self.options.opt_costs, self.options.opt_outputs
+        return OptimisticFacts.of(self.base, hopes, self.lazy, costs, self._left, opt_outputs=outputs, **limits)
 
     def _climb(self, rung: int) -> None:
         """Assume so many outputs of each stream call and so long chains of calls."""
@@ -234,11 +211,11 @@ class Engine:
             )
             self._left()
 
-    def _plan(self, world: World) -> list[Step] | None:
+    def _plan(self, hoped: OptimisticFacts) -> list[Step] | None:
         if self.exact not in self._splits:
             self._splits[self.exact] = split(self.program, self.goal, self.base, self.exact)
         task = self._splits[self.exact]
-        program, base = hopeful_problem(task, world)
+        program, base = hopeful_problem(task, hoped)
         options, start = self.options, time.monotonic()
         limit = min(self._left(), options.planner_time)
         try:
@@ -251,7 +228,7 @@ class Engine:
             self.planner_seconds += time.monotonic() - start
         length = "no plan" if steps is None else f"a plan of {len(steps)} steps"
         options.progress(
-            f"iteration {self.iterations}: {length} over {len(world.values)} objects, {len(world.made)} stream "
+            f"iteration {self.iterations}: {length} over {len(hoped.values)} objects, {len(hoped.made)} stream "
             f"calls assumed ({time.monotonic() - start:.2f} s)"
         )
         return steps
@@ -274,7 +251,7 @@ class Engine:
                 self.searches = (*self.searches[1:], self.searches[0])
             return steps
 
-    def _hope_again(self, world: World) -> None:
+    def _hope_again(self, hoped: OptimisticFacts) -> None:
         """There is no plan: try harder, or raise NoAnswer when nothing is left to be tried."""
         if self.hopes.clear():
             self.effort *= 2
@@ -284,13 +261,13 @@ class Engine:
             self.exact = True
         elif not self.options.adaptive and self._more_samples():
             pass
-        elif self.options.adaptive and world.made and self.rung + 1 < len(self.rungs):
+        elif self.options.adaptive and hoped.made and self.rung + 1 < len(self.rungs):
             self._climb(self.rung + 1)
             copies, depth = self.rungs[self.rung]
             self.options.progress(f"no plan: assuming {copies} output(s) of each stream call, {depth} rounds of calls")
-        elif self.options.adaptive and world.made and self._sample_all():
+        elif self.options.adaptive and hoped.made and self._sample_all():
             pass
-        elif world.made:
+        elif hoped.made:
             raise NoAnswer(
                 f"no plan over {len(self.base.values)} objects, "
                 "even if all tests and streams not tried yet gave what is wished for"
@@ -330,7 +307,7 @@ class Engine:
             raise SolverError(f"{what}: this is a mistake in the engine, please report it")
         self.exact = True
 
-    def _complete(self, world: World, steps: list[Step], needs: Needs) -> Found | None:
+    def _complete(self, hoped: OptimisticFacts, steps: list[Step], needs: Needs) -> Found | None:
         """Call the streams and tests that a plan needs; on failure, remember why."""
         base = self.base
         known = [(f, value) for f, value in sorted(needs.literals) if all(a in base.values for a in f[1:])]
@@ -341,10 +318,10 @@ class Engine:
             self._run_tests()
             return None
         before = set(base.values)
-        result = self._bind(world, steps, needs)
-        if isinstance(result, _Stuck):
-            self._give_up(world, needs, result)
-            self._refute_more(world, needs, result)
+        result = self._bind(hoped, steps, needs)
+        if isinstance(result, Stuck):
+            self._give_up(hoped, needs, result)
+            self._refute_more(hoped, needs, result)
         if self.options.adaptive:
             self.hopes.hidden |= self.base.values.keys() - before
             self._tried |= {
@@ -352,9 +329,9 @@ class Engine:
                 for call in needs.calls.values()
                 if all(name in base.values for name in call.inputs)
             }
-        return None if isinstance(result, _Stuck) else result
+        return None if isinstance(result, Stuck) else result
 
-    def _refute_more(self, world: World, needs: Needs, stuck: _Stuck) -> None:
+    def _refute_more(self, hoped: OptimisticFacts, needs: Needs, stuck: Stuck) -> None:
         """Find out what else a plan hopes for in vain when a test outcome is left out, with a limited effort."""
         most = self._calls() + SAMPLES * len(needs.calls)
         while self.effort == 1 and stuck.refuted and stuck.refuted.literal and self._calls() < most:
@@ -362,19 +339,20 @@ class Engine:
             bound = self._binder(needs, Counter()).solve()
             if not isinstance(bound, Refuted):
                 return
-            stuck = _Stuck(bound)
-            self._give_up(world, needs, stuck)
+            stuck = Stuck(bound)
+            self._give_up(hoped, needs, stuck)
 
-    def _bind(self, world: World, steps: list[Step], needs: Needs) -> Found | _Stuck:
-        """Values for a plan's placeholders that make it a plan, and not too dear a one."""
+    def _bind(self, hoped: OptimisticFacts, steps: list[Step], needs: Needs) -> Found | Stuck:
+        """Values for a plan's placeholders that make it a plan, and one that does not cost too much."""
         cursor: Counter[tuple[str, Args]] = Counter()
         before: Assignment = {}
+        execution = Execution(self.problem, hoped, steps, self.options.unit_costs, self.effort > 1, self._left)
         for attempt in range(TRIES * self.effort):
             bound = self._binder(needs, cursor).solve()
             if isinstance(bound, Refuted):
-                return _Stuck(bound)
-            result = self._execute(world, steps, needs, bound)
-            if isinstance(result, _Stuck):
+                return Stuck(bound)
+            result = execution.run(bound)
+            if isinstance(result, Stuck):
                 about = {name for failure in result.failures for name in failure.fact[1:]}
                 hopeless = about.isdisjoint(bound) if about else not self.exact
                 if hopeless or bound == before or attempt == TRIES * self.effort - 1:
@@ -383,14 +361,14 @@ class Engine:
                 continue
             if result.cost <= self.options.max_cost + 1e-9:
                 return result
-            expected = self._learn_costs(world, steps, bound)
+            expected = execution.placeholder_costs(bound)
             if not expected:
-                return _Stuck(dear=True)
+                return Stuck(too_costly=True)
             self._expected.append(expected)
         for fact in {fact for costs in self._expected for fact in costs}:
             self.hopes.costs[fact] = min(costs[fact] for costs in self._expected if fact in costs)
         self._expected.clear()
-        return _Stuck(dear=True)
+        return Stuck(too_costly=True)
 
     def _calls(self) -> int:
         return sum(statistics.calls for statistics in self.base.statistics.values())
@@ -411,10 +389,10 @@ class Engine:
                         hidden.difference_update(*self.base.drawn_outputs(stream, inputs))
             growing = len(hidden) < size
 
-    def _give_up(self, world: World, needs: Needs, stuck: _Stuck) -> None:
+    def _give_up(self, hoped: OptimisticFacts, needs: Needs, stuck: Stuck) -> None:
         hopes, refuted = self.hopes, stuck.refuted
         match refuted:
-            case None if stuck.dear:
+            case None if stuck.too_costly:
                 text = f"the plan costs more than {self.options.max_cost:.3f}"
                 if not needs.calls:
                     raise SolverError("the planner's costs are not those of the plan: please report it")
@@ -427,7 +405,7 @@ class Engine:
                 hopes.calls.add(call.key)
                 text = f"{call.stream.name}({', '.join(call.inputs)}) gives nothing that fits"
             case Refuted(literal=literal) if literal is not None:
-                hopes.literals |= {literal} if self.effort > 1 else world.alike(literal)
+                hopes.literals |= {literal} if self.effort > 1 else hoped.alike(literal)
                 text = f"{' '.join(literal[0])} stays {'false' if literal[1] else 'true'}"
             case _:
                 text = "the real facts refute the plan"
@@ -436,82 +414,3 @@ class Engine:
                 else:
                     hopes.calls |= needs.calls.keys()
         self.options.progress(f"  {text}")
-
-    def _execute(self, world: World, steps: list[Step], needs: Needs, bound: Assignment) -> Found | _Stuck:
-        """Simulate the plan with real values; streams that depend on the state are called in it."""
-        state, states, found, certified, cost = self.state, [self.state], [], set(), 0.0
-        *optimistic, last = self._optimistic_states(world, steps)
-        for step, before in zip(steps, optimistic, strict=True):
-            self._left()
-            binding: dict[str, str] = dict(bound)
-            facts: set[Fact] = set()
-            for call in (world.call_of[name] for name in step.args if name in world.call_of):
-                if not call.stream.fluents or call.outputs[0] in binding:
-                    continue
-                inputs = tuple(binding.get(name, name) for name in call.inputs)
-                given = sorted(fact for fact in state if fact[0] in call.stream.fluents)
-                answer = self.base.call_in_state(call.stream, inputs, given)
-                if answer is None:
-                    names = dict(zip(call.stream.inputs + call.stream.outputs, call.inputs + call.outputs, strict=True))
-                    missing = {(a.predicate, *bind(a, names)): False for a in call.stream.certified}
-                    return _Stuck(failures=self._failures(missing, call.stream, before))
-                binding |= zip(call.outputs, answer[0], strict=True)
-                facts |= answer[1]
-            real = Step(step.schema, tuple(binding.get(name, name) for name in step.args))
-            view = View(self.program, self.base, state | facts)
-            if not precondition_holds(view, real):
-                return self._failed_condition(view, before, binding)
-            amount = self._cost(real)
-            if amount is None:
-                return _Stuck()
-            cost += amount
-            certified |= facts | {fact for fact, true in view.in_state.items() if true}
-            state = apply(view, real) - facts
-            states.append(state)
-            found.append(real)
-        view = View(self.program, self.base, state)
-        if not view.holds(self.goal):
-            return self._failed_condition(view, last, bound)
-        certified |= {fact for fact, true in view.in_state.items() if true}
-        return Found(found, cost, states, certified)
-
-    def _failed_condition(self, view: View, before: State, binding: Mapping[str, str]) -> _Stuck:
-        """What tests with `:fluents` said, when a condition does not hold; `before` is the state with placeholders."""
-        placeholders = {value: name for name, value in binding.items()}
-        failures: list[Failure] = []
-        for fact, true in view.in_state.items():
-            hoped = {(fact[0], *(placeholders.get(a, a) for a in fact[1:])): true}
-            failures += self._failures(hoped, self.base.state_tests[fact[0]], before)
-        return _Stuck(failures=tuple(failures))
-
-    def _failures(self, said: Mapping[Fact, bool], stream: Stream, before: State) -> tuple[Failure, ...]:
-        situation = frozenset(fact for fact in before if fact[0] in stream.fluents)
-        return tuple(Failure(fact, situation, stream.fluents, self.effort > 1, true) for fact, true in said.items())
-
-    def _optimistic_states(self, world: World, steps: list[Step]) -> list[State]:
-        """States along a plan, with placeholders."""
-        states = [self.state]
-        for step in steps:
-            states.append(apply(View(self.program, world, states[-1]), step))
-        return states
-
-    def _cost(self, step: Step) -> float | None:
-        schema = self.program.domain.action(step.schema)
-        if self.options.unit_costs or not any(a.cost or a.cost_terms for a in self.program.domain.actions):
-            return 1.0
-        binding = dict(zip(schema.parameters, step.args, strict=True))
-        values = [self.base.cost(term.predicate, bind(term, binding)) for term in schema.cost_terms]
-        return None if None in values else schema.cost + sum(value for value in values if value is not None)
-
-    def _learn_costs(self, world: World, steps: list[Step], bound: Assignment) -> dict[Fact, float]:
-        """What functions of placeholders came to in a plan."""
-        found: dict[Fact, float] = {}
-        for step in steps:
-            schema = self.program.domain.action(step.schema)
-            binding = dict(zip(schema.parameters, step.args, strict=True))
-            for term in schema.cost_terms:
-                args = bind(term, binding)
-                value = self.base.cost(term.predicate, tuple(bound.get(a, a) for a in args))
-                if value is not None and any(a in world.call_of for a in args):
-                    found[(term.predicate, *args)] = value + 1 / COST_SCALE
-        return found

@@ -8,145 +8,18 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from operator import itemgetter
 from typing import Any
 
-from gentamp_lp.errors import Diagnostic, GentampError, InputError, code_fault
+from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.streams.formula import Atom, Formula, substitute
 from gentamp_lp.streams.language import Generator, WildOutput, decision
 from gentamp_lp.streams.naming import Names
 from gentamp_lp.streams.pddl import Domain
+from gentamp_lp.streams.relations import EMPTY, Args, Relation, bind, match
+from gentamp_lp.streams.stream_code import DecidingStream, Source, StreamStatistics, failed, rows_of
 from gentamp_lp.streams.stream_file import Stream
 
 Fact = tuple[str, ...]  # ("atpose", "b1", "p3")
-Args = tuple[str, ...]
-Places = dict[tuple[int, ...], int]
-
-
-def picked(positions: Iterable[int]) -> Callable[[Sequence[str]], Args]:
-    """A function that picks what stands at these positions."""
-    match tuple(positions):
-        case ():
-            return lambda _: ()
-        case (one,):
-            return lambda row: (row[one],)
-        case several:
-            return itemgetter(*several)
-
-
-class Relation:
-    """The tuples of one predicate, in the order they came, indexed by the arguments asked for."""
-
-    def __init__(self, rows: Iterable[Args] = ()) -> None:
-        self.rows: dict[Args, None] = dict.fromkeys(rows)
-        self._index: dict[tuple[int, ...], tuple[Callable[[Args], Args], dict[Args, list[Args]]]] = {}
-
-    def __contains__(self, args: Args) -> bool:
-        return args in self.rows
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def add(self, args: Args) -> bool:
-        """Add a tuple; False when it was there."""
-        if args in self.rows:
-            return False
-        self.rows[args] = None
-        for key, table in self._index.values():
-            table.setdefault(key(args), []).append(args)
-        return True
-
-    def remove(self, args: Args) -> Places:
-        """Remove a tuple that is there; returns where it stood in each index."""
-        del self.rows[args]
-        places: Places = {}
-        for positions, (key, table) in self._index.items():
-            found = table[key(args)]
-            places[positions] = found.index(args)
-            del found[places[positions]]
-        return places
-
-    def put_back(self, args: Args, places: Places) -> None:
-        """Undo `remove`, if everything else that was changed since has been undone: indices are as they were."""
-        self.rows[args] = None
-        for positions, (key, table) in self._index.items():
-            found = table.setdefault(key(args), [])
-            found.insert(places.get(positions, len(found)), args)
-
-    def find(self, positions: tuple[int, ...], values: Args) -> list[Args]:
-        """A new list of the tuples that have these values at these positions."""
-        return list(self.index(positions).get(values, ())) if positions else list(self.rows)
-
-    def index(self, positions: tuple[int, ...]) -> Mapping[Args, list[Args]]:
-        """The tuples by their values at these positions; kept up to date."""
-        if positions not in self._index:
-            key, table = self._index[positions] = picked(positions), {}
-            for row in self.rows:
-                table.setdefault(key(row), []).append(row)
-        return self._index[positions][1]
-
-    def matches(self, pattern: tuple[str | None, ...]) -> list[Args]:
-        """Tuples that agree with the pattern where it is not None."""
-        positions = tuple(i for i, value in enumerate(pattern) if value is not None)
-        return self.find(positions, tuple(value for value in pattern if value is not None))
-
-
-EMPTY = Relation()
-
-
-@dataclass
-class StreamStatistics:
-    """How often a stream was called, how often it gave something, and the seconds it took."""
-
-    calls: int = 0
-    successes: int = 0
-    seconds: float = 0.0
-
-
-@dataclass
-class _Source:
-    """One stream on one tuple of inputs."""
-
-    rows: Iterator[Any]
-    drawn: int = 0
-    exhausted: bool = False
-    outputs: list[Args] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class _Test:
-    """A test stream as seen from a predicate it decides: how the others' arguments are taken from its own."""
-
-    stream: str
-    pattern: Args
-    plain: bool  # whether the pattern has different variables only, so that all arguments match it
-    inputs: Callable[[Args], Args]
-    domain: tuple[tuple[str, Callable[[Args], Args]], ...]
-    certified: tuple[tuple[str, Callable[[Args], Args]], ...]
-
-    @classmethod
-    def of(cls, stream: Stream, pattern: Args) -> _Test:
-        def taken(names: Args) -> Callable[[Args], Args]:
-            if not all(name in pattern for name in names):  # constants
-                return lambda args: tuple(args[pattern.index(n)] if n in pattern else n for n in names)
-            return picked(pattern.index(name) for name in names)
-
-        plain = len(set(pattern)) == len(pattern) and all(arg.startswith("?") for arg in pattern)
-        domain = tuple((atom.predicate, taken(atom.args)) for atom in stream.domain)
-        certified = tuple((atom.predicate, taken(atom.args)) for atom in stream.certified)
-        return cls(stream.name, pattern, plain, taken(stream.inputs), domain, certified)
-
-
-def failed(stream: str, inputs: Iterable[str], error: Exception) -> GentampError:
-    """What to raise when the Python code behind a stream raises: where it did, and on which inputs."""
-    if isinstance(error, GentampError):
-        return error
-    return code_fault(f"stream `{stream}` failed on ({', '.join(inputs)})", error)
-
-
-def _rows(generator: Generator, values: Iterable[Any]) -> Iterator[Any]:
-    """What a generator gives, called when the first row is asked for."""
-    yield from generator(*values)
 
 
 @dataclass
@@ -175,10 +48,10 @@ class FactBase:
         self.costs: dict[Fact, float] = {}  # values of functions, given or computed
         self.functions = {s.name: s for s in self.streams if s.kind == "function"}
         self.streams = tuple(s for s in self.streams if s.kind != "function")
-        self._tests: dict[str, _Test] = {}
+        self._tests: dict[str, DecidingStream] = {}
         self._sorted: set[str] = set()  # test predicates that tell no sorts
         self._answers: dict[str, dict[Args, bool]] = {}  # of tests, by predicate
-        self._sources: dict[tuple[str, Args], _Source] = {}
+        self._sources: dict[tuple[str, Args], Source] = {}
         self._counts: dict[str, int] = {}
         self._in_state: dict[tuple[str, Args, tuple[Fact, ...]], bool] = {}
         self.calling: tuple[str, Args] | None = None  # the stream, and its inputs, whose code is running
@@ -190,7 +63,7 @@ class FactBase:
             for atom in stream.certified:
                 if stream.decides:
                     self.tests[atom.predicate] = stream
-                    self._tests[atom.predicate] = _Test.of(stream, atom.args)
+                    self._tests[atom.predicate] = DecidingStream.of(stream, atom.args)
                     self._answers[atom.predicate] = {}
                     if self._says_no_sort(atom, stream):
                         self._sorted.add(atom.predicate)
@@ -200,10 +73,10 @@ class FactBase:
                     self.makers[atom.predicate].append(stream)
 
     def _says_no_sort(self, atom: Atom, stream: Stream) -> bool:
-        """Whether a test's conditions have told all that its fact tells of its arguments' sorts."""
+        """Whether a test's conditions say all that its fact says of its arguments' sorts."""
         known = {pair for a in stream.domain for pair in zip(a.args, self.sorts.get(a.predicate, ()), strict=False)}
-        told = set(zip(atom.args, self.sorts.get(atom.predicate, ()), strict=False))
-        return told <= known and not self.domain.supertypes.get(atom.predicate)
+        said = set(zip(atom.args, self.sorts.get(atom.predicate, ()), strict=False))
+        return said <= known and not self.domain.supertypes.get(atom.predicate)
 
     def relation(self, predicate: str) -> Relation:
         """The known tuples of a static or certified predicate."""
@@ -300,7 +173,7 @@ class FactBase:
         self.costs[fact] = number
         return number
 
-    def _run_test(self, test: _Test, args: Args) -> bool:
+    def _run_test(self, test: DecidingStream, args: Args) -> bool:
         inputs = test.inputs(args)
         values = [self.values[name] for name in inputs]
         row = self._ask(test.stream, inputs, decision, self.generators[test.stream], values)
@@ -383,7 +256,7 @@ class FactBase:
             if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
                 return None
             values = [self.values[name] for name in inputs]
-            self._sources[key] = _Source(_rows(self.generators[stream.name], values))
+            self._sources[key] = Source(rows_of(self.generators[stream.name], values))
         source = self._sources[key]
         if source.exhausted:
             return None
@@ -402,9 +275,9 @@ class FactBase:
         return source.outputs[-1]
 
     def draw_beside(self, stream: Stream, inputs: Args, context: list[tuple[Args, Args]], limit: int) -> Iterator[Args]:
-        """Up to `limit` samples of a contextual generator, newly started and told what other calls have given."""
-        told = [tuple(tuple(self.values[name] for name in names) for names in other) for other in context]
-        rows = _rows(partial(self.generators[stream.name], context=told), [self.values[name] for name in inputs])
+        """Up to `limit` samples of a contextual generator, newly started, given what other calls gave."""
+        others = [tuple(tuple(self.values[name] for name in names) for names in other) for other in context]
+        rows = rows_of(partial(self.generators[stream.name], context=others), [self.values[name] for name in inputs])
         for _ in range(limit):
             row = self._ask(stream.name, inputs, next, rows, None)
             if row is None:
@@ -434,7 +307,7 @@ class FactBase:
         binding = dict(zip(stream.inputs, inputs, strict=True))
         if any(not self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
             return None
-        source = self._sources[stream.name, inputs] = _Source(iter(()), 1, True)
+        source = self._sources[stream.name, inputs] = Source(iter(()), 1, True)
         if stream.kind == "rule":
             for atom in stream.certified:
                 self.add((atom.predicate, *bind(atom, binding)))
@@ -446,7 +319,7 @@ class FactBase:
     def _passes(self, stream: Stream, inputs: Args) -> bool:
         """Run a test that decides no single fact, and add what it certifies."""
         decided = Stream(stream.name, stream.inputs, stream.domain, (), (Atom(stream.name, stream.inputs),))
-        if not self._run_test(replace(_Test.of(decided, stream.inputs), certified=()), inputs):
+        if not self._run_test(replace(DecidingStream.of(decided, stream.inputs), certified=()), inputs):
             return False
         binding = dict(zip(stream.inputs, inputs, strict=True))
         for atom in stream.certified:
@@ -454,14 +327,14 @@ class FactBase:
         return True
 
     def call_in_state(self, stream: Stream, inputs: Args, facts: Iterable[Fact]) -> tuple[Args, set[Fact]] | None:
-        """Ask a fluent stream once, in a state of which it is told the facts of its `:fluents`.
+        """Ask a fluent stream once, in a state of which it receives the facts of its `:fluents`.
 
         Returns the outputs and what they are certified to be in this state only; None for a failure.
         """
-        told = [(fact[0], *(self.values[name] for name in fact[1:])) for fact in facts]
+        received = [(fact[0], *(self.values[name] for name in fact[1:])) for fact in facts]
         statistics = self.statistics[stream.name]
         generator, values = self.generators[stream.name], [self.values[name] for name in inputs]
-        outputs = self._ask(stream.name, inputs, lambda: next(iter(generator(*values, fluents=told)), None))
+        outputs = self._ask(stream.name, inputs, lambda: next(iter(generator(*values, fluents=received)), None))
         if outputs is None or (stream.outputs and not outputs):
             return None
         statistics.successes += 1
@@ -477,10 +350,10 @@ class FactBase:
         if binding is None or not all(self.truth(a.predicate, bind(a, binding)) for a in stream.domain):
             return False
         inputs = tuple(binding[variable] for variable in stream.inputs)
-        told = tuple(sorted(fact for fact in facts if fact[0] in stream.fluents))
-        key = (stream.name, inputs, told)
+        relevant = tuple(sorted(fact for fact in facts if fact[0] in stream.fluents))
+        key = (stream.name, inputs, relevant)
         if key not in self._in_state:
-            self._in_state[key] = self.call_in_state(stream, inputs, told) is not None
+            self._in_state[key] = self.call_in_state(stream, inputs, relevant) is not None
         return self._in_state[key]
 
     def _add_wild(self, output: WildOutput) -> None:
@@ -564,7 +437,7 @@ class FactBase:
             base._answers[predicate] = {args: true for args, true in answers.items() if all(map(keep, args))}
         base._counts = dict(self._counts)
         base._sources = {
-            key: _Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted, source.outputs)
+            key: Source(source.rows, min(source.drawn, quota.get(key[0], 1)), source.exhausted, source.outputs)
             for key, source in self._sources.items()
             if all(map(keep, key[1]))
         }
@@ -582,17 +455,3 @@ class FactBase:
 def sort_predicate(sort: str) -> str:
     """The predicate that is true of the entities of a sort."""
     return f"sort-{sort}"
-
-
-def match(pattern: Args, row: Args, binding: Mapping[str, str]) -> dict[str, str] | None:
-    """The binding extended so that the pattern becomes the row; None when they differ."""
-    extended = dict(binding)
-    for arg, value in zip(pattern, row, strict=True):
-        if (extended.setdefault(arg, value) if arg.startswith("?") else arg) != value:
-            return None
-    return extended
-
-
-def bind(atom: Atom, binding: Mapping[str, str]) -> Args:
-    """The atom's arguments with variables replaced."""
-    return tuple([binding.get(a, a) for a in atom.args])

@@ -1,6 +1,6 @@
 """Which stream calls matter to a plan, where too many are possible to plan over all of them.
 
-In a coarse world all calls of a stream share their placeholders: one pose stands for all poses that a stream may give.
+In a coarse view all calls of a stream share their placeholders: one pose stands for all poses that a stream may give.
 It is small, and a plan over it tells which calls are worth assuming: those that a step of the plan is about, and those
 that their inputs come from. Streams of which no other stream takes an output, motions say, connect whatever there is.
 """
@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from gentamp_lp.streams.facts import Args
-from gentamp_lp.streams.optimism import Call, World
+from gentamp_lp.streams.hopes import Call
+from gentamp_lp.streams.optimistic_facts import OptimisticFacts
+from gentamp_lp.streams.relations import Args
 from gentamp_lp.streams.semantics import Step
 from gentamp_lp.streams.stream_file import Stream
 
 
-def focus(coarse: World, steps: Iterable[Step], streams: Iterable[Stream]) -> Callable[[World, Stream, Args], bool]:
-    """What a plan over a coarse world says of calls in a finer one: whether to assume them (see `World.wanted`)."""
+def focus(
+    coarse: OptimisticFacts, steps: Iterable[Step], streams: Iterable[Stream]
+) -> Callable[[OptimisticFacts, Stream, Args], bool]:
+    """What a plan over a coarse view says of calls in a finer one: whether they are `wanted`."""
     streams = list(streams)
     taken = {atom.predicate for stream in streams for atom in stream.domain}
     last = {stream.name for stream in streams if taken.isdisjoint(atom.predicate for atom in stream.certified)}
@@ -40,7 +43,7 @@ def focus(coarse: World, steps: Iterable[Step], streams: Iterable[Stream]) -> Ca
             keys.add((call.stream.name, call.inputs))
             names = list(call.inputs)
 
-    def wanted(world: World, stream: Stream, inputs: Args) -> bool:
-        return stream.name in last or (stream.name, tuple(map(world.coarse_name, inputs))) in keys
+    def wanted(hoped: OptimisticFacts, stream: Stream, inputs: Args) -> bool:
+        return stream.name in last or (stream.name, tuple(map(hoped.coarse_name, inputs))) in keys
 
     return wanted

@@ -29,7 +29,7 @@ from gentamp_lp.streams.undeclared import StreamFile, declare_undeclared, stream
 
 
 @dataclass(frozen=True)
-class Problem:
+class PlanningProblem:
     """A problem ready to be solved: what is known, the initial state, the goal."""
 
     program: Program
@@ -51,7 +51,7 @@ class DebugValue:
         return f"{self.output}[{self.stream}({', '.join(map(str, self.inputs))})]"
 
 
-def build(problem: PDDLProblem) -> Problem:
+def build(problem: PDDLProblem) -> PlanningProblem:
     """Read a problem. Raises InputError that names file and line, or the fact or stream at fault."""
     init, files = list(problem.init), _files(problem.stream_pddl)
     domain = parse_domain(problem.domain_pddl, "domain.pddl", stream_functions(files))
@@ -74,7 +74,7 @@ def build(problem: PDDLProblem) -> Problem:
     for predicate, relation in list(base.static.items()):
         for row in relation.rows:
             base.add_sorts((predicate, *row))
-    return Problem(Program.of(domain), base, state, goal, base.names)
+    return PlanningProblem(Program.of(domain), base, state, goal, base.names)
 
 
 def _files(stream_pddl: str | Sequence[str] | None) -> list[StreamFile]:

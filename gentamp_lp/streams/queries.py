@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import count
-from typing import NamedTuple
 
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Places, Relation, bind, picked
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -23,13 +22,11 @@ from gentamp_lp.streams.formula import (
     conjuncts,
     normalize,
 )
+from gentamp_lp.streams.joins import Env, Join, Loop, Test, all_of, each, some
 from gentamp_lp.streams.pddl import ActionSchema
+from gentamp_lp.streams.relations import Args, Places, Relation, bind, picked
 from gentamp_lp.streams.semantics import Program, State, View, reads
 from gentamp_lp.streams.stream_file import Stream
-
-Env = list[str]  # the value of each variable and constant of a query
-Test = Callable[[Env], bool]
-Loop = Callable[[Env], Iterator[None]]  # sets variables of the list, once for each solution
 
 _NONE: list[Args] = []
 _BRANCH, _GENERATE, _TEST_JOIN, _LAST, _NEVER = 1e4, 1e6, 1e7, 1e8, 1e9  # how late to join these
@@ -116,12 +113,12 @@ class Query:
         if rest and wanted <= bound:  # one solution is as good as all
             early = all(self._price(goal) < 2 and not self._makes(goal) for goal in rest)  # looked up before tests
             place = sum(self._price(goal) < 2 for goal in decided) if early else len(tests)
-            tests.insert(place, _some(self._scan(rest, bound, wanted)))
+            tests.insert(place, some(self._scan(rest, bound, wanted)))
         elif rest:
-            loop = _each(self._scan(rest, bound, wanted))
+            loop = each(self._scan(rest, bound, wanted))
         elif not wanted <= bound:
-            loop = _each(self._everything(min(wanted - bound), [], bound, wanted))
-        return _all(tests), loop
+            loop = each(self._everything(min(wanted - bound), [], bound, wanted))
+        return all_of(tests), loop
 
     def _divide(self, goal: Formula, bound: frozenset[str], decided: list[Formula], rest: list[Formula]) -> None:
         """Conjuncts whose variables are bound go to one list, the others to another."""
@@ -188,7 +185,7 @@ class Query:
     def _key(self, args: Args) -> Callable[[Env], Args]:
         return picked(self._slot(arg) for arg in args)
 
-    def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> list[_Join]:
+    def _scan(self, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]) -> list[Join]:
         """The cheapest of the undecided conjuncts, joined with the others: one join for each case of a disjunction."""
         ranks = [self._rank(goal, bound) for goal in goals]
         chosen = min(range(len(goals)), key=ranks.__getitem__)
@@ -223,12 +220,12 @@ class Query:
                 return self._nest(lambda env: rows(key(env)), places, same, others, bound | free.keys(), wanted)
             case Or(parts):
                 cases = [self._compile([part, *others], bound, wanted) for part in parts]
-                return [_Join(lambda _: [()], [], [], check, loop) for check, loop in cases]
+                return [Join(lambda _: [()], [], [], check, loop) for check, loop in cases]
         raise AssertionError(f"not normalized: {goal}")
 
     def _guarded(
         self, conditions: list[Atom], goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]
-    ) -> list[_Join]:
+    ) -> list[Join]:
         """The goals, with the conditions of a test stream joined first."""
         return self._nest(lambda _: [()], [], [], [*conditions, *goals], bound, wanted)
 
@@ -240,12 +237,12 @@ class Query:
         goals: list[Formula],
         bound: frozenset[str],
         wanted: frozenset[str],
-    ) -> list[_Join]:
-        return [_Join(rows, places, same, *self._compile(goals, bound, wanted))]
+    ) -> list[Join]:
+        return [Join(rows, places, same, *self._compile(goals, bound, wanted))]
 
     def _everything(
         self, variable: str, goals: list[Formula], bound: frozenset[str], wanted: frozenset[str]
-    ) -> list[_Join]:
+    ) -> list[Join]:
         """Only negations say something of the variable: it ranges over all entities."""
         self._everywhere = True
         values = self._situation.base.values
@@ -268,69 +265,6 @@ class Query:
             case Not():
                 return _NEVER
         return _BRANCH
-
-
-class _Join(NamedTuple):
-    """Rows that set variables at (position, slot) `places`, equal at `same` positions, and what is asked of each."""
-
-    rows: Callable[[Env], Iterable[Args]]
-    places: list[tuple[int, int]]
-    same: list[tuple[int, int]]
-    check: Test
-    loop: Loop | None
-
-
-def _each(joins: list[_Join]) -> Loop:
-    """A loop over all solutions."""
-
-    def run(env: Env) -> Iterator[None]:
-        for rows, places, same, check, loop in joins:
-            for row in rows(env):
-                for position, slot in places:
-                    env[slot] = row[position]
-                if same and any(row[i] != row[j] for i, j in same):
-                    continue
-                if check(env):
-                    if loop is None:
-                        yield
-                    else:
-                        yield from loop(env)
-
-    return run
-
-
-def _some(joins: list[_Join]) -> Test:
-    """Whether there is a solution, of joins without loops; sharing `_each`'s loop costs up to a third more time."""
-    if len(joins) > 1:
-        one, others = _some(joins[:1]), _some(joins[1:])
-        return lambda env: one(env) or others(env)
-    [(rows, places, same, check, _)] = joins
-
-    def found(env: Env) -> bool:
-        for row in rows(env):
-            for position, slot in places:
-                env[slot] = row[position]
-            if same and any(row[i] != row[j] for i, j in same):
-                continue
-            if check(env):
-                return True
-        return False
-
-    return found
-
-
-def _all(tests: list[Test]) -> Test:
-    match tests:
-        case []:
-            return lambda _: True
-        case [one]:
-            return one
-        case [one, two]:
-            return lambda env: one(env) and two(env)
-        case [one, two, *rest]:
-            others = _all(rest)
-            return lambda env: one(env) and two(env) and others(env)
-    raise AssertionError(tests)
 
 
 def _looking_up(relation: Relation, given: tuple[int, ...], direction: int) -> Callable[[Args], list[Args]]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import networkx as nx
 
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.streams.facts import Args, Fact, FactBase, Relation, bind, match
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -27,6 +27,7 @@ from gentamp_lp.streams.formula import (
     normalize,
 )
 from gentamp_lp.streams.pddl import ActionSchema, Axiom, Domain
+from gentamp_lp.streams.relations import Args, Relation, bind, match
 
 State = frozenset[Fact]
 Binding = Mapping[str, str]
@@ -197,7 +198,7 @@ class View:
             yield from self._solve(rest, binding)
 
     def _rank(self, goal: Formula, binding: Binding) -> int:
-        """How dear it is to look at this conjunct next (cheapest first)."""
+        """How costly it is to look at this conjunct next (cheapest first)."""
         unbound = goal.free - binding.keys()
         match goal:
             case Atom("=", args):

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gentamp_lp.errors import InputError, LimitReached, MemoryLimitReached, NoAnswer
-from gentamp_lp.streams.constraints import PlanConstraints, constrain
+from gentamp_lp.streams.constraints import Constrained, PlanConstraints, constrain
 from gentamp_lp.streams.diagnosis import diagnose
 from gentamp_lp.streams.downward import MEMORY_LIMIT, PLANNERS, SEARCHES
-from gentamp_lp.streams.engine import Engine, Found, Options
-from gentamp_lp.streams.facts import Fact, FactBase, StreamStatistics
+from gentamp_lp.streams.engine import Engine, Options
+from gentamp_lp.streams.execution import Found
+from gentamp_lp.streams.facts import Fact, FactBase
 from gentamp_lp.streams.interruption import interrupting
 from gentamp_lp.streams.language import (
     INF,
@@ -26,9 +27,10 @@ from gentamp_lp.streams.language import (
     Solution,
     StreamInfo,
 )
-from gentamp_lp.streams.optimism import TooManyCalls
-from gentamp_lp.streams.problem import Problem, build
+from gentamp_lp.streams.optimistic_facts import TooManyCalls
+from gentamp_lp.streams.problem import PlanningProblem, build
 from gentamp_lp.streams.semantics import State
+from gentamp_lp.streams.stream_code import StreamStatistics
 
 ALGORITHMS = ("adaptive", "incremental")
 #: Other optimistic algorithms of PDDLStream, in whose place `adaptive` is run.
@@ -84,7 +86,7 @@ class Result(Solution):
 class _Search:
     """The best plan so far, over all searches with falling cost bounds."""
 
-    problem: Problem
+    problem: PlanningProblem
     options: Options
     success_cost: float
     best: Found | None = None
@@ -124,6 +126,18 @@ class _Search:
             if self.best.cost < self.success_cost or self.best.cost <= 0:
                 return
             bound = self.best.cost - 1e-3
+
+    def report(self, seconds: float) -> Report:
+        """How the search went, which took so many seconds."""
+        return Report(
+            "solved" if self.best else self.status,
+            "" if self.best else self.reason,
+            seconds,
+            self.iterations,
+            self.planner_seconds,
+            self.problem.base.statistics,
+            () if self.best else tuple(diagnose(self.unbounded[-1])),
+        )
 
 
 def solve(
@@ -165,8 +179,6 @@ def solve(
     constraints = constraints or PlanConstraints()
     say = progress or (_print if verbose else _silent)
     constrained = constrain(build(problem), constraints)
-    base = constrained.problem.base
-    infos = {name.lower(): info for name, info in (stream_info or {}).items()}
     options = Options(
         adaptive=algorithm != "incremental",
         time_limit=max_time - (time.monotonic() - start),
@@ -177,42 +189,45 @@ def solve(
         searches=SEARCHES if planner is None else (PLANNERS.get(planner, planner),),
         planner_time=max_planner_time,
         seed=seed,
-        eager=frozenset(name for name, info in infos.items() if info.eager),
-        contextual=frozenset(n for n, info in infos.items() if isinstance(info, StreamInfo) and info.contextual),
-        opt_costs={n: i.opt_fn for n, i in infos.items() if isinstance(i, FunctionInfo) and i.opt_fn},
-        opt_outputs={
-            n: i.opt_gen_fn
-            for n, i in infos.items()
-            if isinstance(i, StreamInfo) and callable(i.opt_gen_fn) and not isinstance(i.opt_gen_fn, PartialInputs)
-        },
         progress=say,
+        **_stream_options(stream_info or {}),
     )
     search = _Search(constrained.problem, options, success_cost)
     search.run()
-    found = search.best
-    status = "solved" if found else search.status
-    report = Report(
-        status,
-        "" if found else search.reason,
-        time.monotonic() - start,
-        search.iterations,
-        search.planner_seconds,
-        base.statistics,
-        () if found else tuple(diagnose(search.unbounded[-1])),
-    )
+    report = search.report(time.monotonic() - start)
     if verbose or progress:
         say(str(report))
-    values, state = base.values, constrained.problem.state
-    if found is None:
-        result = Result(None, INF, Certificate(_facts(base, state), None))
-    else:
-        steps = [constrained.original(step) for step in found.steps]
-        plan = [Action(step.schema, tuple(values[name] for name in step.args)) for step in steps]
-        used = {name for step in steps for name in step.args}
-        preimage = _facts(base, state, found.facts, used)
-        result = Result(plan, found.cost, Certificate(_facts(base, state, found.facts), preimage))
+    result = _result(constrained, search.best)
     result.report = report
     return result
+
+
+def _stream_options(stream_info: Mapping[str, ExternalInfo]) -> dict[str, Any]:
+    """What `Options` hold of what a user says of single streams."""
+    infos = {name.lower(): info for name, info in stream_info.items()}
+    streams = {name: info for name, info in infos.items() if isinstance(info, StreamInfo)}
+    return {
+        "eager": frozenset(name for name, info in infos.items() if info.eager),
+        "contextual": frozenset(name for name, info in streams.items() if info.contextual),
+        "opt_costs": {n: i.opt_fn for n, i in infos.items() if isinstance(i, FunctionInfo) and i.opt_fn},
+        "opt_outputs": {
+            name: info.opt_gen_fn
+            for name, info in streams.items()
+            if callable(info.opt_gen_fn) and not isinstance(info.opt_gen_fn, PartialInputs)
+        },
+    }
+
+
+def _result(constrained: Constrained, found: Found | None) -> Result:
+    """The plan in terms of the user's values; the certificate of what is known without one."""
+    base, state = constrained.problem.base, constrained.problem.state
+    if found is None:
+        return Result(None, INF, Certificate(_facts(base, state), None))
+    steps = [constrained.original(step) for step in found.steps]
+    plan = [Action(step.schema, tuple(base.values[name] for name in step.args)) for step in steps]
+    used = {name for step in steps for name in step.args}
+    preimage = _facts(base, state, found.facts, used)
+    return Result(plan, found.cost, Certificate(_facts(base, state, found.facts), preimage))
 
 
 def solve_incremental(problem: PDDLProblem, constraints: PlanConstraints | None = None, **options: Any) -> Result:

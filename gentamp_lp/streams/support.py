@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
-from gentamp_lp.streams.facts import Args, Fact, Relation, bind, match
+from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import (
     And,
     Atom,
@@ -18,8 +18,10 @@ from gentamp_lp.streams.formula import (
     normalize,
     substitute,
 )
-from gentamp_lp.streams.optimism import Call, Literal, World
+from gentamp_lp.streams.hopes import Call, Literal
+from gentamp_lp.streams.optimistic_facts import OptimisticFacts
 from gentamp_lp.streams.pddl import ActionSchema
+from gentamp_lp.streams.relations import Args, Relation, bind, match
 from gentamp_lp.streams.semantics import Program, State, Step
 
 Binding = dict[str, str]
@@ -45,39 +47,41 @@ class Needs:
     literals: set[Literal] = field(default_factory=set)
     calls: dict[tuple[str, Args, int], Call] = field(default_factory=dict)
 
-    def add_call(self, call: Call, world: World) -> None:
+    def add_call(self, call: Call, hoped: OptimisticFacts) -> None:
         """Add a call, the calls that its inputs and conditions come from, and the tests they have to pass."""
         if call.key in self.calls:
             return
         for name in call.inputs:
-            if name in world.call_of:
-                self.add_call(world.call_of[name], world)
+            if name in hoped.call_of:
+                self.add_call(hoped.call_of[name], hoped)
         binding = dict(zip(call.stream.inputs, call.inputs, strict=True))
         for atom in call.stream.domain:
-            if maker := world.maker.get((atom.predicate, *bind(atom, binding))):
-                self.add_call(maker, world)
+            if maker := hoped.maker.get((atom.predicate, *bind(atom, binding))):
+                self.add_call(maker, hoped)
         for fact in call.requires:
             self.literals.add((fact, True))
             for name in fact[1:]:
-                if name in world.call_of:
-                    self.add_call(world.call_of[name], world)
+                if name in hoped.call_of:
+                    self.add_call(hoped.call_of[name], hoped)
         self.calls[call.key] = call
 
-    def complete(self, names: Args, world: World) -> None:
+    def complete(self, names: Args, hoped: OptimisticFacts) -> None:
         """Add the calls that placeholders come from."""
         for name in names:
-            if name in world.call_of:
-                self.add_call(world.call_of[name], world)
+            if name in hoped.call_of:
+                self.add_call(hoped.call_of[name], hoped)
 
 
-def plan_needs(program: Program, world: World, state: State, steps: list[Step], goal: Formula) -> Needs | None:
+def plan_needs(
+    program: Program, hoped: OptimisticFacts, state: State, steps: list[Step], goal: Formula
+) -> Needs | None:
     """What the plan hopes for; None when no hope makes it a plan."""
     needs = Needs()
     for step in steps:
-        view = Support(program, world, state)
+        view = Support(program, hoped, state)
         schema = program.domain.action(step.schema)
         binding = dict(zip(schema.parameters, step.args, strict=True))
-        conditions = And((program.preconditions[step.schema], *_cost_conditions(world, schema)))
+        conditions = And((program.preconditions[step.schema], *_cost_conditions(hoped, schema)))
         if not view.require(conditions, binding, needs):
             return None
         added: set[Fact] = set()
@@ -91,18 +95,18 @@ def plan_needs(program: Program, world: World, state: State, steps: list[Step], 
                 view.take(items, needs)
                 target.add((effect.atom.predicate, *bind(effect.atom, found)))
         state = (state - deleted) | added
-        needs.complete(step.args, world)
-    if not Support(program, world, state).require(normalize(goal), {}, needs):
+        needs.complete(step.args, hoped)
+    if not Support(program, hoped, state).require(normalize(goal), {}, needs):
         return None
     for fact, _ in list(needs.literals):
-        needs.complete(fact[1:], world)
+        needs.complete(fact[1:], hoped)
     return needs
 
 
-def _cost_conditions(world: World, schema: ActionSchema) -> Iterator[Formula]:
+def _cost_conditions(hoped: OptimisticFacts, schema: ActionSchema) -> Iterator[Formula]:
     """What has to hold for an action's cost to be computed."""
     for term in schema.cost_terms:
-        if function := world.functions.get(term.predicate):
+        if function := hoped.functions.get(term.predicate):
             binding = dict(zip(function.inputs, term.args, strict=True))
             yield from (substitute(atom, binding) for atom in function.domain)
 
@@ -110,9 +114,9 @@ def _cost_conditions(world: World, schema: ActionSchema) -> Iterator[Formula]:
 class Support:
     """One state of an optimistic plan, ready to say what conditions rely on."""
 
-    def __init__(self, program: Program, world: World, state: State) -> None:
+    def __init__(self, program: Program, hoped: OptimisticFacts, state: State) -> None:
         self.program = program
-        self.world = world
+        self.hoped = hoped
         self.fluents: dict[str, Relation] = {}
         for fact in sorted(state):
             self.fluents.setdefault(fact[0], Relation()).add(fact[1:])
@@ -131,7 +135,7 @@ class Support:
         for item in items:
             match item:
                 case Call():
-                    needs.add_call(item, self.world)
+                    needs.add_call(item, self.hoped)
                 case _Denied(body, binding):
                     needs.literals |= self.denial(body, dict(binding)) or set()
                 case _:
@@ -142,14 +146,14 @@ class Support:
         if not goals:
             yield binding, ()
             return
-        self.world.check_time()
+        self.hoped.check_time()
         chosen = min(range(len(goals)), key=lambda i: self._rank(goals[i], binding))
         goal, rest = goals[chosen], goals[:chosen] + goals[chosen + 1 :]
         match goal:
             case Atom(predicate, args):
                 unbound = [a for a in args if a.startswith("?") and a not in binding]
                 if predicate == "=" and len(unbound) == 2:
-                    for name in self.world.values:
+                    for name in self.hoped.values:
                         yield from self.ways(goals, {**binding, unbound[0]: name})
                     return
                 for found, items in self._atom(predicate, args, binding):
@@ -158,7 +162,7 @@ class Support:
             case Not(body):
                 free = sorted(body.free - binding.keys())
                 if free:
-                    for name in self.world.values:
+                    for name in self.hoped.values:
                         yield from self.ways(goals, {**binding, free[0]: name})
                     return
                 if self.denial(body, binding) is None:
@@ -181,10 +185,10 @@ class Support:
         match goal:
             case Atom(predicate, args):
                 unbound = sum(a.startswith("?") and a not in binding for a in args)
-                dear = 10**6 * (predicate in self.world.tests) + 10**5 * (predicate in self.program.axioms)
-                dear += 10**8 * (predicate == "=" and unbound == 2)
-                size = len(self.fluents.get(predicate) or self.world.relation(predicate))
-                return 1 + unbound * (1 + dear + size)
+                penalty = 10**6 * (predicate in self.hoped.tests) + 10**5 * (predicate in self.program.axioms)
+                penalty += 10**8 * (predicate == "=" and unbound == 2)
+                size = len(self.fluents.get(predicate) or self.hoped.relation(predicate))
+                return 1 + unbound * (1 + penalty + size)
             case Not(body):
                 return 10**8 if body.free - binding.keys() else 2
             case _:
@@ -231,22 +235,22 @@ class Support:
         if predicate in self.program.axioms:
             yield from self._derived(predicate, args, pattern, binding)
             return
-        world = self.world
+        hoped = self.hoped
         fluents = self.fluents.get(predicate)
         if fluents is not None:
             for row in fluents.matches(pattern):
                 if (extended := match(args, row, binding)) is not None:
                     yield extended, ()
-        for row in world.relation(predicate).matches(pattern):
+        for row in hoped.relation(predicate).matches(pattern):
             if (extended := match(args, row, binding)) is not None:
-                call = world.maker.get((predicate, *row))
+                call = hoped.maker.get((predicate, *row))
                 yield extended, (call,) if call else ()
-        if predicate not in world.tests:
+        if predicate not in hoped.tests:
             return
-        for row in [tuple(map(str, pattern))] if None not in pattern else list(world.candidates(predicate)):
-            if row in world.relation(predicate) or (extended := match(args, row, binding)) is None:
+        for row in [tuple(map(str, pattern))] if None not in pattern else list(hoped.candidates(predicate)):
+            if row in hoped.relation(predicate) or (extended := match(args, row, binding)) is None:
                 continue
-            opinion = world.opinion((predicate, *row))
+            opinion = hoped.opinion((predicate, *row))
             if opinion is not False:
                 yield extended, () if opinion else (((predicate, *row), True),)
 

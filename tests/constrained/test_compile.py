@@ -14,11 +14,11 @@ from gentamp_lp.features.feature import Feature
 from gentamp_lp.learning.learn import Learned
 from gentamp_lp.planning.solve import solve
 from gentamp_lp.policy.model import AbstractAction, Rule
-from gentamp_lp.streams.downward import write_problem
 from gentamp_lp.streams.facts import Fact
 from gentamp_lp.streams.formula import TRUE, And, Atom, conjuncts
 from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
 from gentamp_lp.streams.pddl import Domain, parse_domain
+from gentamp_lp.streams.problem_text import write_problem
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
 from gentamp_lp.tasks.task import Task
 

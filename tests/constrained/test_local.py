@@ -24,10 +24,11 @@ from gentamp_lp.learning.learn import Learned
 from gentamp_lp.policy.model import AbstractAction, Rule, Valuation
 from gentamp_lp.policy.policy import Policy
 from gentamp_lp.streams.downward import search
-from gentamp_lp.streams.facts import FactBase, Relation
+from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import And, Atom, Exists, Forall, Formula, Not, Or, normalize
 from gentamp_lp.streams.incremental import simulate
 from gentamp_lp.streams.pddl import parse_domain
+from gentamp_lp.streams.relations import Relation
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
 from gentamp_lp.tasks.invariants import exclusive
 from gentamp_lp.tasks.task import Task

@@ -55,7 +55,7 @@ def test_plans_are_valid_and_each_step_is_the_policys(learned: Learned, seed: in
             assert rule is not None and rule.action == name
             action = policy.action(name)
             assert step.schema in action.schemas
-            assert matches_effects(action.effects, planner.kinds, values, values_after)
+            assert matches_effects(action.effects, planner.outcomes.kinds, values, values_after)
             assert all(valuation(values)[f] == positive for f, positive in action.preconditions.items())
         assert View(planner.program, instance.base, result.states[-1]).holds(learned.task.goal)
 
@@ -184,7 +184,7 @@ def test_few_tests_answer_a_question_about_all_places(load: Learned) -> None:
     assert instance.base.statistics["test-cfree"].calls < places * things
     assert result.backtracks <= 3
     values = planner.features.values(View(planner.program, instance.base, result.states[-1]))
-    assert planner._values.counts() == values
+    assert planner.outcomes.values.counts() == values
 
 
 POLICIES = Path(__file__).parents[1] / "policies"
@@ -220,14 +220,14 @@ def test_steps_back_are_not_evaluated(unstack: Learned, monkeypatch) -> None:
     """What was put down last is the first candidate; to pick it up again leads nowhere new, and says nothing more."""
     instance = Task.load("unstack").instance("8", 0, robot="gripper")
     planner, been = GuidedPlanner(unstack.policy, instance), set()
-    accept = planner._accept
+    outcome = planner.outcomes.of
 
-    def noted(here, added, deleted, *rest):
-        been.add(here.state)
-        assert (here.state - frozenset(deleted)) | frozenset(added) not in been
-        return accept(here, added, deleted, *rest)
+    def noted(state, added, deleted, *rest):
+        been.add(state)
+        assert (state - frozenset(deleted)) | frozenset(added) not in been
+        return outcome(state, added, deleted, *rest)
 
-    monkeypatch.setattr(planner, "_accept", noted)
+    monkeypatch.setattr(planner.outcomes, "of", noted)
     result = planner.solve(time_limit=60)
     assert been == set(result.states[:-1])
 

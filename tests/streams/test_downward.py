@@ -15,10 +15,11 @@ from helpers.pace import at_most, start_of_python
 
 from gentamp_lp.errors import LimitReached, SolverError
 from gentamp_lp.streams import downward
-from gentamp_lp.streams.downward import search, split_goal
+from gentamp_lp.streams.downward import search
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.incremental import run_tests, sample, simulate, solve_incremental
 from gentamp_lp.streams.pddl import parse_domain, parse_formula
+from gentamp_lp.streams.problem_text import split_goal
 from gentamp_lp.streams.semantics import Program, State, Step, View, applicable, apply
 from gentamp_lp.tasks.task import Task
 

@@ -4,9 +4,9 @@ import pytest
 from helpers.pace import at_most
 
 from gentamp_lp.streams import And, Exists, PDDLProblem, from_fn, solve
-from gentamp_lp.streams.optimism import in_order
 from gentamp_lp.streams.pddl import parse_domain
 from gentamp_lp.streams.stream_file import parse_streams
+from gentamp_lp.streams.stream_graph import in_order
 
 DOMAIN = """(define (domain numbers) (:requirements :strips)
   (:predicates (Num ?n) (Next ?n ?m) (Sum ?n ?m ?k) (At ?n))
