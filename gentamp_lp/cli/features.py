@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,9 @@ from gentamp_lp.cli.options import (
     TrustOpt,
 )
 from gentamp_lp.cli.output import Progress, messages, print_json, say
+
+if TYPE_CHECKING:
+    from gentamp_lp.features.listing import Listing
 
 
 def features(
@@ -74,9 +77,15 @@ def features(
     if json_:
         print_json(listing.report())
         return
+    _say_listing(listing, everything=not formulas or match is not None)
+    messages.print(_pruning(listing.report()))
+
+
+def _say_listing(listing: Listing, *, everything: bool) -> None:
+    """Print the pool, if everything is asked for, and the formulas that were asked about."""
     if listing.state is not None:
         say(listing.state)
-    if not formulas or match is not None:
+    if everything:
         for row in listing.features:
             say(f"{row.id:5}  cost {row.cost}  {_qualities(row)}  {row.formula}{_holds(row.satisfying)}")
     for asked in listing.formulas:
@@ -87,7 +96,6 @@ def features(
         matched = next((row for row in listing.features if row.id == asked.match), None)
         if matched is not None and matched.formula != asked.formula:
             say(f"       #{matched.id}, cost {matched.cost}: {matched.formula}")
-    messages.print(_pruning(listing.report()))
 
 
 def _qualities(row: Any) -> str:

@@ -16,6 +16,11 @@ from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.policy.learn_report import LearnReport
 from gentamp_lp.policy.learn_settings import LearnSettings
 
+ProgramOpt = Annotated[
+    ProgramName,
+    typer.Option(help="ASP program: `reference` is complete without clauses added on the way; for few data."),
+]
+
 
 @options_of(LearnSettings)
 def learn(
@@ -29,10 +34,7 @@ def learn(
         typer.Option("--refine", help="Bundle to learn again, also from the problems on which `solve` failed with it."),
     ] = None,
     settings: Any = None,
-    program: Annotated[
-        ProgramName,
-        typer.Option(help="ASP program: `reference` is complete without clauses added on the way; for few data."),
-    ] = "lazy",
+    program: ProgramOpt = "lazy",
     time_limit: Annotated[float, typer.Option("--time-limit", min=1, help="Seconds for everything.")] = 600.0,
     cache: CacheOpt = True,
     json_: JsonOpt = False,

@@ -19,30 +19,36 @@ if TYPE_CHECKING:
     from gentamp_lp.policy.policy import Policy
     from gentamp_lp.tasks.task import Task
 
+ModeOpt = Annotated[
+    Mode, typer.Option(help="Follow a policy, plan without one, or plan along the action names of a known plan.")
+]
+SkeletonOpt = Annotated[
+    Path | None,
+    typer.Option("--skeleton", help="Plan file whose action names to follow [a guided plan of the instance]."),
+]
+AlgorithmOpt = Annotated[
+    Algorithm | None,
+    typer.Option(help="Unguided: sample what a plan needs, or everything [the latter if the goal is about it]."),
+]
+MotionOpt = Annotated[
+    bool, typer.Option("--motion", help="Plan what the arm does between the steps, too, clear of collisions.")
+]
+FloorOpt = Annotated[
+    bool, typer.Option("--floor", help="Report how long the plan's own stream calls take, replayed alone.")
+]
+
 
 def solve(
     task: TaskArg,
     size: Annotated[str, typer.Option("--size", help="Size as the paper writes it: 16, or 2-8.")],
     policy: Annotated[Path | None, typer.Option("--policy", help="Policy bundle [runs/TASK].")] = None,
-    mode: Annotated[
-        Mode, typer.Option(help="Follow a policy, plan without one, or plan along the action names of a known plan.")
-    ] = "guided",
-    skeleton: Annotated[
-        Path | None,
-        typer.Option("--skeleton", help="Plan file whose action names to follow [a guided plan of the instance]."),
-    ] = None,
-    algorithm: Annotated[
-        Algorithm | None,
-        typer.Option(help="Unguided: sample what a plan needs, or everything [the latter if the goal is about it]."),
-    ] = None,
+    mode: ModeOpt = "guided",
+    skeleton: SkeletonOpt = None,
+    algorithm: AlgorithmOpt = None,
     engine: Annotated[Engine, typer.Option(help="Unguided: this tool, or the original PDDLStream.")] = "embedded",
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds for planning.")] = 120.0,
-    motion: Annotated[
-        bool, typer.Option("--motion", help="Plan what the arm does between the steps, too, clear of collisions.")
-    ] = False,
-    floor: Annotated[
-        bool, typer.Option("--floor", help="Report how long the plan's own stream calls take, replayed alone.")
-    ] = False,
+    motion: MotionOpt = False,
+    floor: FloorOpt = False,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan to this JSON file.")] = None,
     render: Annotated[Path | None, typer.Option("--render", help="Write a .gif of the plan, or a .png.")] = None,
     robot: RobotOpt = None,
@@ -58,11 +64,9 @@ def solve(
     from gentamp_lp.planning.solve import solve as run
     from gentamp_lp.tasks.task import Task
 
-    if render is not None and render.suffix not in (".gif", ".png"):
-        raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
     loaded = Task.load(task, trust=trust)
-    if render is not None and not loaded.folder.code.draws:
-        raise InputError(Diagnostic(f"the domain `{loaded.folder.path.name}` draws nothing", hint="leave out --render"))
+    if render is not None:
+        _require_drawable(loaded, render)
     folder = policy or Path("runs", loaded.name)
     guide, names = _guide(loaded, folder, mode, skeleton, size, seed, robot)
     gc.freeze()  # collections during planning need not look at what the libraries keep for good
@@ -92,6 +96,14 @@ def solve(
         _say_plan(result, result.plan)
     if not result.valid:
         raise typer.Exit(3 if result.limited else 1)
+
+
+def _require_drawable(task: Task, render: Path) -> None:
+    """Refuse, before planning, what cannot be drawn after it."""
+    if render.suffix not in (".gif", ".png"):
+        raise InputError(Diagnostic(f"cannot render to `{render}`", hint="end the name in .gif or .png"))
+    if not task.folder.code.draws:
+        raise InputError(Diagnostic(f"the domain `{task.folder.path.name}` draws nothing", hint="leave out --render"))
 
 
 def _guide(
