@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -13,8 +13,10 @@ from gentamp_lp.base.fairness import ProgramName
 from gentamp_lp.cli.options import CacheOpt, JsonOpt, QuietOpt, TrustOpt, options_of
 from gentamp_lp.cli.output import Progress, messages, print_json, say
 from gentamp_lp.errors import Diagnostic, InputError
-from gentamp_lp.policy.learn_report import LearnReport
 from gentamp_lp.policy.learn_settings import LearnSettings
+
+if TYPE_CHECKING:
+    from gentamp_lp.policy.learn_report import LearnReport
 
 ProgramOpt = Annotated[
     ProgramName,

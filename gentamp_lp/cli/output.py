@@ -42,23 +42,20 @@ def say(text: str) -> None:
 class _Output(io.TextIOWrapper):
     """A stream whose failure ends the program: as SIGPIPE does where nobody reads, else (full disk) as bad input."""
 
-    lost = False
-
     def write(self, text: str) -> int:
         with self._ending():
-            return len(text) if self.lost else super().write(text)
+            return super().write(text)
 
     def flush(self) -> None:
         with self._ending():
-            if not self.lost:
-                super().flush()
+            super().flush()
 
     @contextmanager
     def _ending(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            self.lost = True  # also for the flush when Python ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())  # also what Python writes at its end
             if isinstance(error, BrokenPipeError):
                 raise SystemExit(141) from None
             raise InputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
@@ -10,6 +11,10 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from gentamp_lp.base.documents import Document
 from gentamp_lp.base.fairness import Fairness, Unseen
 from gentamp_lp.errors import InputError
+
+
+def _plain(name: object) -> object:
+    return str(name) if isinstance(name, Path) else name
 
 
 class LearnSettings(Document):
@@ -23,7 +28,7 @@ class LearnSettings(Document):
     """Seed of clingo's search alone [--seed]."""
     robot: str | None = None
     """Robot instead of the task's: a name or a .yaml, see docs/robots.md."""
-    grammars: tuple[Annotated[str, BeforeValidator(str)], ...] = ()
+    grammars: tuple[Annotated[str, BeforeValidator(_plain)], ...] = ()
     """Grammar file to add, or the name of a shipped one: paper (repeatable)."""
     max_complexity: int | None = Field(default=None, ge=1)
     """Highest cost of a feature [that of the task file]."""
