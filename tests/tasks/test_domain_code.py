@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pydantic import BaseModel
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.planning.solve import solve
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.plans.validate import validate
-from gentamp_lp.tasks.domain_code import World, read_world
+from gentamp_lp.tasks.domain_code import Scene, World, files_of, read_world
 from gentamp_lp.tasks.json_values import from_json, to_json
 from gentamp_lp.tasks.task import Task
 
@@ -191,6 +192,18 @@ def test_what_a_world_gives_is_taken() -> None:
     read = read_world(world)
     assert read.values == {"b": 3} and read.robot is hand and read.avoided is avoided
     assert read_world(World(static=[("on", "b")], values={"b": 3})).values == {"b": 3}
+
+
+def test_files_of_a_scene_are_found_in_any_class() -> None:
+    class Bare(BaseModel):
+        pass
+
+    class Given(Bare):
+        @property
+        def files(self) -> list[Path]:
+            return [Path("a.obj")]
+
+    assert [list(files_of(scene)) for scene in (Scene(), Bare(), Given())] == [[], [], [Path("a.obj")]]
 
 
 # ---- domains
