@@ -250,6 +250,20 @@ def test_domains_that_define_everything_work_as_they_are(tmp_path: Path) -> None
     assert (tmp_path / "picture").read_text() == "3"
 
 
+def test_a_world_that_avoids_nothing_is_enough_for_transits(tmp_path: Path) -> None:
+    """`avoided` is optional for those who write `plan_transits`: what they raise is said at once."""
+    transits = """
+from gentamp_lp.errors import NoAnswer
+
+def plan_transits(world, steps, values, seed, deadline):
+    raise NoAnswer("no way")
+    yield
+"""
+    task = task_of(tmp_path, OLD + transits, TASK.replace("size:", "robot: arm\nsize:"))
+    result = solve(task, 2, 0, motion=True)
+    assert result.plan is None and result.reason == "no way"
+
+
 @pytest.mark.parametrize("hook", ["Scene", "make_world", "stream_map"])
 def test_what_is_compulsory_is_missed(tmp_path: Path, hook: str) -> None:
     with pytest.raises(InputError, match=f"the domain's Python code lacks {hook}") as caught:
