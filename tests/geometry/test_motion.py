@@ -7,7 +7,6 @@ import json
 import re
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ from gentamp_lp.geometry.shapes import GAP, Part, Shape, box
 from gentamp_lp.geometry.surroundings import Surroundings
 from gentamp_lp.geometry.transforms import pose
 from gentamp_lp.planning.solve import solve
-from gentamp_lp.planning.transits import _avoided
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.plans.validate import validate
 from gentamp_lp.policy.policy import Policy
@@ -272,19 +270,3 @@ def test_steps_without_a_way_to_them_are_chosen_anew(unstack, monkeypatch, robot
     assert result.motion["straight"] == result.motion["transits"] == len(result.plan.steps)
     again = solve(unstack.task, 8, 0, policy=unstack.policy, robot=robot, motion=True)
     assert again.plan.to_json() == result.plan.to_json()
-
-
-def test_a_domain_whose_world_avoids_nothing_is_told_the_failure_at_once(monkeypatch) -> None:
-    """`avoided` is optional for those who write `plan_transits`."""
-    task = Task.load("unstack")
-    monkeypatch.setattr(task.folder.code, "plan_transits", fails)
-    monkeypatch.setattr(
-        "gentamp_lp.planning.transits._avoided", lambda instance: _avoided(SimpleNamespace(world=object()))
-    )
-    solved = solve(task, 2, seed=0, time_limit=20, motion=True)
-    assert solved.plan is None and solved.reason == "no way"
-
-
-def fails(*args):
-    raise NoAnswer("no way")
-    yield

@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pydantic import BaseModel
 
 from gentamp_lp.errors import InputError
 from gentamp_lp.planning.solve import solve
 from gentamp_lp.plans.plan import Plan
 from gentamp_lp.plans.validate import validate
-from gentamp_lp.tasks.domain_code import World, read_world
+from gentamp_lp.tasks.domain_code import Scene, World, files_of, read_world
 from gentamp_lp.tasks.json_values import from_json, to_json
 from gentamp_lp.tasks.task import Task
 
@@ -193,6 +194,18 @@ def test_what_a_world_gives_is_taken() -> None:
     assert read_world(World(static=[("on", "b")], values={"b": 3})).values == {"b": 3}
 
 
+def test_files_of_a_scene_are_found_in_any_class() -> None:
+    class Bare(BaseModel):
+        pass
+
+    class Given(Bare):
+        @property
+        def files(self) -> list[Path]:
+            return [Path("a.obj")]
+
+    assert [list(files_of(scene)) for scene in (Scene(), Bare(), Given())] == [[], [], [Path("a.obj")]]
+
+
 # ---- domains
 
 
@@ -235,6 +248,20 @@ def test_domains_that_define_everything_work_as_they_are(tmp_path: Path) -> None
     assert task.folder.code.draws
     task.folder.code.render_plan(result.instance.world, steps, values, tmp_path / "picture")
     assert (tmp_path / "picture").read_text() == "3"
+
+
+def test_a_world_that_avoids_nothing_is_enough_for_transits(tmp_path: Path) -> None:
+    """`avoided` is optional for those who write `plan_transits`: what they raise is said at once."""
+    transits = """
+from gentamp_lp.errors import NoAnswer
+
+def plan_transits(world, steps, values, seed, deadline):
+    raise NoAnswer("no way")
+    yield
+"""
+    task = task_of(tmp_path, OLD + transits, TASK.replace("size:", "robot: arm\nsize:"))
+    result = solve(task, 2, 0, motion=True)
+    assert result.plan is None and result.reason == "no way"
 
 
 @pytest.mark.parametrize("hook", ["Scene", "make_world", "stream_map"])
