@@ -20,7 +20,7 @@ from gentamp_lp.abstraction.theory import Theory, compress
 from gentamp_lp.base.fairness import LEVELS, ProgramName, Unseen
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError, LimitReached
-from gentamp_lp.solvers.asp import Answer, Atom, Outcome, Program
+from gentamp_lp.solvers.asp import Answer, Atom, GroundProgram, Outcome
 
 __all__ = ["NoPolicy", "Solution", "synthesize_policy"]
 
@@ -130,7 +130,7 @@ def _failure(
     return find_conflict(theory, _EXPLAIN if left is None else min(_EXPLAIN, left))
 
 
-def _ground(theory: Theory, program: str, improve: tuple[int, int] | None, seed: int) -> Program:
+def _ground(theory: Theory, program: str, improve: tuple[int, int] | None, seed: int) -> GroundProgram:
     """Return the program over the training data, ready to be solved."""
     options = [
         "--configuration=trendy",  # the one of clasp's that is never slow
@@ -144,7 +144,7 @@ def _ground(theory: Theory, program: str, improve: tuple[int, int] | None, seed:
         return reference_program(theory, improve, options)
     facts = theory_facts(theory) + improvement_facts(theory, improve)
     options += _effort(improve)
-    return Program([resource("asp", "abstraction.lp")], facts, options=options, theory=LazyPolicy(theory))
+    return GroundProgram([resource("asp", "abstraction.lp")], facts, options=options, theory=LazyPolicy(theory))
 
 
 class _Clock:

@@ -13,7 +13,7 @@ from gentamp_lp.abstraction.observations import Evidence
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits
 from gentamp_lp.errors import NoAnswer
-from gentamp_lp.solvers.asp import Atom, Program
+from gentamp_lp.solvers.asp import Atom, GroundProgram
 
 _ATTEMPTS = 64  # choices of moves that are explained
 
@@ -103,7 +103,7 @@ def find_conflict(theory: Theory, limit: float) -> NoPolicy:
     return _conflict(theory, tuple(sorted(state for _, state in core)), minimal)
 
 
-def _core(program: Program, atoms: list[Atom], limit: float) -> list[Atom] | None:
+def _core(program: GroundProgram, atoms: list[Atom], limit: float) -> list[Atom] | None:
     """Return a core among the atoms; None if they can be demanded together, or nobody knows in time."""
     if limit <= 0:
         return None

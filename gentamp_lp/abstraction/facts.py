@@ -9,7 +9,7 @@ from gentamp_lp.abstraction.lazy_clauses import refute
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits, minimal
 from gentamp_lp.base.shipped import resource
-from gentamp_lp.solvers.asp import Atom, Clause, Program
+from gentamp_lp.solvers.asp import Atom, Clause, GroundProgram
 
 _GOAL_PAIRS = 300  # pairs of goal and other states given from the start
 _KERNELS = 20_000  # kernels listed at most
@@ -88,6 +88,6 @@ def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
     }
 
 
-def relaxed_program(theory: Theory) -> Program:
+def relaxed_program(theory: Theory) -> GroundProgram:
     """Return `asp/explanation.lp` for a sample: which states the policy answers for is left to assumptions."""
-    return Program([resource("asp", "explanation.lp")], theory_facts(theory), theory=LazyPolicy(theory))
+    return GroundProgram([resource("asp", "explanation.lp")], theory_facts(theory), theory=LazyPolicy(theory))

@@ -12,12 +12,12 @@ from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import LimitReached
-from gentamp_lp.solvers.asp import Program
+from gentamp_lp.solvers.asp import GroundProgram
 
 LARGEST = 3_000_000  # instances of the longest rules: some 40 seconds and 1.5 GB
 
 
-def reference_program(theory: Theory, improve: tuple[int, int] | None, options: Sequence[str]) -> Program:
+def reference_program(theory: Theory, improve: tuple[int, int] | None, options: Sequence[str]) -> GroundProgram:
     """Return the grounded program, whose answers are those of `asp/abstraction.lp`.
 
     Raises LimitReached when there are too many data for it.
@@ -31,7 +31,9 @@ def reference_program(theory: Theory, improve: tuple[int, int] | None, options: 
         facts += "".join(f"feature({feature.id},{feature.cost}).\n" for feature in known)
         facts += f"cheaper_than({improve[0]}). deeper_than({improve[1]}).\n"
     constants = (f"fairness={theory.fairness.replace('-', '_')}", f"unseen={theory.unseen}")
-    return Program(files, facts, options=[*options, *(part for constant in constants for part in ("-c", constant))])
+    return GroundProgram(
+        files, facts, options=[*options, *(part for constant in constants for part in ("-c", constant))]
+    )
 
 
 def _require_small(theory: Theory) -> None:

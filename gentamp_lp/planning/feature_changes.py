@@ -61,7 +61,7 @@ class _Occurrence(NamedTuple):
 
 
 @dataclass
-class _Watch:
+class _WatchedFormula:
     """One formula, the queries for its extension and for one tuple, and the occurrences of each changing predicate."""
 
     variables: Args
@@ -112,12 +112,12 @@ class Watches:
         self._some: dict[str, bool] = {}
         self._recall()
 
-    def _watch(self, axiom: Axiom) -> _Watch:
+    def _watch(self, axiom: Axiom) -> _WatchedFormula:
         situation, program = self.situation, self.situation.program
         variables, body = axiom.head.args, unfold(axiom.body, program)
         recursive = {a for a in atoms(body) if a.predicate in program.recursive}
         lazy = not recursive and self._tests(body)
-        watch = _Watch(variables, situation.query(body, (), variables), situation.query(body, variables), lazy)
+        watch = _WatchedFormula(variables, situation.query(body, (), variables), situation.query(body, variables), lazy)
         watch.recursive = frozenset().union(*(reads(a, program) for a in recursive))
         for atom, positive, beside, tested in self._occurrences(body, True, ()):
             names = tuple(dict.fromkeys(a for a in atom.args if a.startswith("?")))
@@ -218,14 +218,16 @@ class Watches:
             cases.append(Exists((*others.values(), *effect.variables), case))
         return Or(tuple(cases))
 
-    def _moving(self, watch: _Watch, schema: ActionSchema, entering: bool) -> Iterator[tuple[Effect, _Occurrence]]:
+    def _moving(
+        self, watch: _WatchedFormula, schema: ActionSchema, entering: bool
+    ) -> Iterator[tuple[Effect, _Occurrence]]:
         """An action's effects that can make tuples enter (or leave) the extension of a formula, and where."""
         for effect in schema.effects:
             for occurrence in watch.near.get(effect.atom.predicate, ()):
                 if (occurrence.lets_in == effect.positive) == entering:
                     yield effect, occurrence
 
-    def _count(self, watch: _Watch) -> int:
+    def _count(self, watch: _WatchedFormula) -> int:
         return len(set(watch.everything.solutions())) if watch.lazy else len(watch.members)
 
     def _positive(self, name: str) -> bool:
@@ -273,7 +275,7 @@ class Watches:
             prospect.some[name] = gain or before
         return before, gain - loss
 
-    def _leaving(self, watch: _Watch, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
+    def _leaving(self, watch: _WatchedFormula, added: list[Fact], deleted: list[Fact], all_do: bool) -> Iterator[Args]:
         """Tuples that satisfy a lazy formula in the present state and not after a change (`all_do`: nothing does)."""
         known: set[Args] = set()
         for row in chain(tuple(watch.seen), watch.concerned(added, deleted, False)):

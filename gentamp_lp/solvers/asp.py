@@ -1,6 +1,6 @@
 """The bridge to clingo; no other module imports it.
 
-A `Program` is a set of `.lp` files plus facts as text. A `LazyTheory` may refute total assignments with
+A `GroundProgram` is a set of `.lp` files plus facts as text. A `LazyTheory` may refute total assignments with
 clauses; it sees nothing of clingo, only the numbers for which its unary predicates hold.
 """
 
@@ -55,7 +55,7 @@ class Outcome:
     core: tuple[Atom, ...] = ()
 
 
-class Program:
+class GroundProgram:
     """A grounded program that can be solved more than once."""
 
     def __init__(

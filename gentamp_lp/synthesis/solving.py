@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from gentamp_lp.base.fairness import LEVELS
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
-from gentamp_lp.solvers.asp import Answer, Clause, Outcome, Program
+from gentamp_lp.solvers.asp import Answer, Clause, GroundProgram, Outcome
 from gentamp_lp.synthesis.problem import Choice, Problem
 from gentamp_lp.synthesis.sieve import Cut, Edge, Verdict, short_loops, sieve
 
@@ -112,7 +112,7 @@ def encode(problem: Problem) -> str:
 def _solve(problem: Problem, level: str, minimize: bool, limit: float | None) -> Synthesis:
     """Look for any policy first; core-guided minimisation proves fast, but meets no policy before the best."""
     start = time.monotonic()
-    program = Program(
+    program = GroundProgram(
         [resource("asp", "synthesis.lp")],
         encode(problem),
         options=["-c", f"fairness={level.replace('-', '_')}", "--opt-strategy=usc"],

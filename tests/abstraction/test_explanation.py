@@ -11,7 +11,7 @@ from gentamp_lp.abstraction.choose import NoPolicy, synthesize_policy
 from gentamp_lp.abstraction.conflict import Clash
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError, LimitReached, SolverError
-from gentamp_lp.solvers.asp import Program
+from gentamp_lp.solvers.asp import GroundProgram
 
 TWO_GOALS = """
 state(1,1). state(2,1). state(3,1). goal(3). goal(2).
@@ -170,9 +170,9 @@ def test_errors_inside_the_propagator_come_out():
     facts = "feature(1,1). expanded(1). move(1,1). changes(1,1)."
     files = [resource("asp", "abstraction.lp")]
     with pytest.raises(ZeroDivisionError, match="inside"):
-        Program(files, facts, theory=Broken()).solve()
+        GroundProgram(files, facts, theory=Broken()).solve()
     with pytest.raises(AssertionError, match="does not violate"):
-        Program(files, facts, theory=Lying()).solve()
+        GroundProgram(files, facts, theory=Lying()).solve()
 
 
 def test_errors_of_the_caller_come_out():
@@ -193,4 +193,4 @@ def test_errors_of_the_caller_come_out():
 
 def test_errors_of_the_grounder_have_a_place():
     with pytest.raises(SolverError, match=r"<block>:1:.*error"):
-        Program([resource("asp", "abstraction.lp")], "feature(1,.")
+        GroundProgram([resource("asp", "abstraction.lp")], "feature(1,.")

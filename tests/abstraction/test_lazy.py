@@ -13,7 +13,7 @@ from gentamp_lp.abstraction.lazy_clauses import refute
 from gentamp_lp.abstraction.observations import evidence_facts, parse_evidence
 from gentamp_lp.abstraction.theory import compress
 from gentamp_lp.base.shipped import resource
-from gentamp_lp.solvers.asp import Program
+from gentamp_lp.solvers.asp import GroundProgram
 
 LEVELS = ("qnp", "strong-cyclic", "strong")
 
@@ -74,7 +74,7 @@ def test_the_declarative_reference_agrees(fairness, unseen):
     for seed in range(200):
         sample = Sample(random.Random(10_000 + seed))
         options = ["--opt-mode=opt", "-c", f"fairness={fairness.replace('-', '_')}", "-c", f"unseen={unseen}"]
-        answers = Program([resource("asp", "reference.lp")], sample.facts(), options=options).solve().answers
+        answers = GroundProgram([resource("asp", "reference.lp")], sample.facts(), options=options).solve().answers
         optima = sample.optima(fairness, unseen)
         assert bool(answers) == bool(optima), f"sample {seed}"
         if answers:
@@ -103,7 +103,7 @@ def test_a_candidate_is_refuted_exactly_where_the_reference_forbids_it(fairness,
         fixed += [f":- not selected({f}).\n" for f in evidence.ids(selection)]
         fixed += [f":- not chosen({transition}).\n" for transition in chosen]
         facts = evidence_facts(evidence, theory.features) + "".join(fixed)
-        program = Program([resource("asp", "reference.lp")], facts, options=constants)
+        program = GroundProgram([resource("asp", "reference.lp")], facts, options=constants)
         allowed = bool(program.solve(optimize=False).answers)
         idle = any(not (move.inc | move.dec) & selection for move in moves.values())  # asp/abstraction/moves.lp
         refuted = idle or refute(theory, selection, {state: move.id for state, move in moves.items()})

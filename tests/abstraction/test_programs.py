@@ -3,7 +3,7 @@
 import pytest
 
 from gentamp_lp.base.shipped import resource
-from gentamp_lp.solvers.asp import Program
+from gentamp_lp.solvers.asp import GroundProgram
 
 ENTRIES = ("abstraction.lp", "explanation.lp", "reference.lp", "synthesis.lp", "qnp.lp", "certificate.lp", "policy.lp")
 FILES = sorted(
@@ -16,7 +16,7 @@ FILES = sorted(
 
 @pytest.mark.parametrize("name", ENTRIES)
 def test_no_warning(name):
-    program = Program([resource("asp", name)], "")
+    program = GroundProgram([resource("asp", name)], "")
     assert program.messages == []
 
 

@@ -48,14 +48,14 @@ def test_ctrl_c_while_a_search_starts_does_not_leave_it_behind():
     program = (
         "import signal, sys\n"
         "import clingo.control\n"
-        "from gentamp_lp.solvers.asp import Program\n"
+        "from gentamp_lp.solvers.asp import GroundProgram\n"
         "make = clingo.control.SolveHandle\n"
         "def pressed(*args):\n"
         "    signal.raise_signal(signal.SIGINT)\n"
         "    return make(*args)\n"
         "clingo.control.SolveHandle = pressed\n"
         "try:\n"
-        "    Program([], '1 {at(P,H): H = 1..10} 1 :- P = 1..11. :- at(P,H), at(Q,H), P < Q.').solve()\n"
+        "    GroundProgram([], '1 {at(P,H): H = 1..10} 1 :- P = 1..11. :- at(P,H), at(Q,H), P < Q.').solve()\n"
         "except KeyboardInterrupt:\n"
         "    sys.exit(130)\n"
     )

@@ -17,7 +17,7 @@ from gentamp_lp.features.axioms import to_formula
 from gentamp_lp.features.pool import generate_pool
 from gentamp_lp.features.terms import split_formula
 from gentamp_lp.learning.learn import Learned
-from gentamp_lp.solvers.asp import Program as AspProgram
+from gentamp_lp.solvers.asp import GroundProgram
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.formula import atoms
 from gentamp_lp.streams.incremental import simulate
@@ -217,7 +217,7 @@ def test_facts_are_read_by_both_languages(learned: Learned) -> None:
     assert len(evidence.states) == len(data.states) and len(evidence.transitions) == len(data.transitions)
     assert set(evidence.schemas.values()) == {"pick", "place"}
     assert set(evidence.goals) == {i for i, s in enumerate(data.states) if s.goal}
-    assert AspProgram([], data.policy_facts() + pool.facts).messages == []
+    assert GroundProgram([], data.policy_facts() + pool.facts).messages == []
 
 
 def test_names_with_hyphens_and_capitals_are_quoted() -> None:
@@ -239,7 +239,7 @@ def test_names_with_hyphens_and_capitals_are_quoted() -> None:
         used |= {atom.predicate for atom in atoms(to_formula(body)[0])}
     assert {"on-top", "arm-empty"} <= used <= {*data.predicates, "sort-thing"}
     assert parse_evidence(data.policy_facts() + pool.facts).schemas == {0: "pick-up"}
-    assert AspProgram([], data.policy_facts() + pool.facts).messages == []
+    assert GroundProgram([], data.policy_facts() + pool.facts).messages == []
 
 
 def test_sorts_get_names_that_need_no_quotes() -> None:

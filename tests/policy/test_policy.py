@@ -11,7 +11,7 @@ from gentamp_lp.errors import InputError
 from gentamp_lp.policy.guarantee import certify
 from gentamp_lp.policy.model import CertificateStep, Rule
 from gentamp_lp.policy.policy import Policy
-from gentamp_lp.solvers.asp import Program
+from gentamp_lp.solvers.asp import GroundProgram
 
 
 def learn(worlds):
@@ -163,7 +163,7 @@ def test_round_trip_to_the_byte(policy, bundle, tmp_path):
 def test_policy_lp_is_a_program(bundle):
     text = (bundle / "policy.lp").read_text()
     rules = "answered(S) :- rule(S, _). answered(S) :- goal(S). :- outcome(_, S), not answered(S)."
-    outcome = Program([bundle / "policy.lp"], rules + " #show.").solve()
+    outcome = GroundProgram([bundle / "policy.lp"], rules + " #show.").solve()
     assert outcome.answers and text.startswith("% A generalized policy")
 
 
