@@ -11,7 +11,8 @@
 :- use_module(engine).
 :- use_module(rules).
 :- use_module(views, [class/2]).
-:- use_module(notation).
+:- use_module(notation, [parse_formula/3]).
+:- use_module(sorts, [resolve/5]).
 :- use_module(evaluate).
 
 /** <module> The words of a domain: predicates, and what the user's grammar says with them
@@ -66,7 +67,7 @@ same_word(Text, Name, concept(Name, _, _, _)) :-
 same_word(Name, Name, predicate(Name, _)).
 same_word(Text, Name, predicate(Name, _)) :-
     predicate(Name, _),
-    ( display(Name, Shown) -> true ; Shown = Name ),
+    spelling(Name, Shown),
     ( same_letters(Text, Shown) ; same_letters(Text, Name) ).
 
 same_letters(A, B) :-

@@ -3,6 +3,7 @@
             sort/1,                 % ?Sort
             predicate/2,            % ?Name, ?Sorts
             display/2,              % ?Name, ?Text
+            spelling/2,             % +Name, -Text
             owner/3,                % ?Predicate, ?Sort, ?Position
             at_most_one/1,          % ?Predicate
             fluent/1,               % +Predicate
@@ -46,6 +47,15 @@ The file is read term by term, never consulted: it cannot run anything.
 %
 %   The facts as read. An entity of Sort at Position of Predicate is a stream's output, which determines the
 %   other arguments; transitions lead from state to state.
+
+%!  spelling(+Name, -Text) is det.
+%
+%   Text is how people read the predicate Name.
+
+spelling(Name, Text) :-
+    display(Name, Text),
+    !.
+spelling(Name, Name).
 
 %!  state_count(-Count) is det.
 %!  entity_count(?Sort, -Count) is nondet.

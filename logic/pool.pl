@@ -18,7 +18,8 @@
 :- use_module(formula).
 :- use_module(concepts).
 :- use_module(evaluate).
-:- use_module(notation, [formula_cost/3]).
+:- use_module(notation, [describe_formula/3]).
+:- use_module(terms, [formula_cost/3]).
 
 /** <module> The feature pool
 
@@ -83,12 +84,19 @@ print_pooled(Id, Name, Numbers) :-
 
 %!  pool_formulas(+Cost:nonneg) is det.
 %
-%   Print formula/4 for the representatives of this Cost, one a line.
+%   Print lines `formula(Id, Variable, Sort, Formula). TAB Text` for the representatives of this Cost; Text is how
+%   people read the formula.
 
 pool_formulas(Cost) :-
     forall(representative(Id, Cost, _, Item, _, _, _),
            ( item_formula(Item, Variable, Sort, Formula),
-             print_fact(formula(Id, Variable, Sort, Formula)) )).
+             print_formula(formula(Id, Variable, Sort, Formula)) )).
+
+print_formula(Fact) :-
+    Fact = formula(_, _, _, Formula),
+    describe_formula(Formula, spelling, Text),
+    write_fact(Fact),
+    format("\t~w~n", [Text]).
 
 %!  pool_values(+Cost:nonneg) is det.
 %
@@ -113,7 +121,7 @@ pool_satisfying(State) :-
 %!  pool_formula(+Text) is det.
 %
 %   Read a feature (see notation.pl), evaluate it exactly, and find it in the pool. Prints lines of fields between
-%   tabs: `formula` and a formula/4 with number 0; `cost`; `values` in all states; for each state `satisfying`, the
+%   tabs: `formula`, a formula/4 with number 0, and how people read it; `cost`; `values` in all states; for each state `satisfying`, the
 %   state and what satisfies (if it counts); and `match` with one of
 %
 %     - Id, `same_values`: the pool has a feature with these values (perhaps this one)
@@ -127,7 +135,7 @@ pool_satisfying(State) :-
 pool_formula(Text) :-
     read_formula(Text, Variable, Sort, Formula),
     write('formula\t'),
-    print_fact(formula(0, Variable, Sort, Formula)),
+    print_formula(formula(0, Variable, Sort, Formula)),
     formula_cost(formula(Variable, Formula), hidden, Cost),
     print_row([cost], [Cost]),
     (   Variable == none
@@ -204,8 +212,12 @@ pool_statistics :-
     print_fact(stat(views_too_large, TooLarge)).
 
 print_fact(Fact) :-
+    write_fact(Fact),
+    nl.
+
+write_fact(Fact) :-
     write_term(Fact, [quoted(true), ignore_ops(true)]),
-    format(".~n").
+    write('.').
 
 print_row(Fields, Words) :-
     forall(member(Field, Fields), format("~w\t", [Field])),

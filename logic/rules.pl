@@ -16,7 +16,8 @@
 :- use_module(engine).
 :- use_module(library(apply), [exclude/3, maplist/3]).
 :- use_module(bridge, [message_string/2]).
-:- use_module(notation, [connective/2, parse_concept/4]).
+:- use_module(notation, [parse_concept/4]).
+:- use_module(terms, [connective/2]).
 
 /** <module> Reading grammar files safely
 

@@ -1,4 +1,4 @@
-"""The feature pool: drives the Prolog program in `logic/` and writes its formulas for people."""
+"""The feature pool: drives the Prolog program in `logic/`."""
 
 from __future__ import annotations
 
@@ -45,11 +45,12 @@ class Pool:
     """Features up to some cost, one for each qualitative behaviour on the training data.
 
     `facts` are `feature/3`, `size/2`, `pos/2`, `inc/2` and `dec/2`, legal in Prolog and in ASP; `formulas` gives the
-    text of `formula/4` for each feature.
+    term `formula/4` of each feature, and `texts` how people read it.
     """
 
     facts: str
     formulas: dict[int, str]
+    texts: dict[int, str]
     size: int
     statistics: dict[str, float | int]
     pruned: tuple[Pruned, ...] = ()
@@ -65,12 +66,13 @@ class Pool:
 class Reading:
     """A feature that somebody wrote down, evaluated exactly and looked up in the pool.
 
-    `formula` is the text of `formula/4`; `satisfying` has the entities counted in each state (nothing for a closed
-    formula); `match` is the number of a feature of the pool, and `how` says in what sense (`pool_formula/1` in
-    `logic/pool.pl`).
+    `formula` is the term `formula/4`, and `text` how people read it; `satisfying` has the entities counted in each
+    state (nothing for a closed formula); `match` is the number of a feature of the pool, and `how` says in what sense
+    (`pool_formula/1` in `logic/pool.pl`).
     """
 
     formula: str
+    text: str
     cost: int
     values: list[int]
     satisfying: dict[int, list[str]]
@@ -92,6 +94,7 @@ class PoolSession:
         self._level = -1
         self._facts: list[str] = []
         self._formulas: dict[int, str] = {}
+        self._texts: dict[int, str] = {}
         self._prolog = PrologProcess()
         try:
             _load(self._prolog, grammars)
@@ -131,12 +134,15 @@ class PoolSession:
         for level in range(self._level + 1, cost + 1):
             self._ask(f"pool_level({level})")
             self._facts.append(self._ask_much(f"pool_features({level})"))
-            self._formulas |= _numbered(self._ask(f"pool_formulas({level})"))
+            for term, text in _fields(self._ask(f"pool_formulas({level})")):
+                number = int(term[len("formula(") : term.index(",")])
+                self._formulas[number], self._texts[number] = term.rstrip("."), text
             self._level = level
         text = self._ask("pool_statistics")
         statistics: dict[str, float | int] = {n: int(v) for n, v in re.findall(r"stat\((\w+),(\d+)\)", text)}
         statistics["seconds"] = self._spent
-        return Pool("".join(self._facts), dict(self._formulas), len(self._formulas), statistics, _pruned(text))
+        formulas, texts = dict(self._formulas), dict(self._texts)
+        return Pool("".join(self._facts), formulas, texts, len(formulas), statistics, _pruned(text))
 
     def values(self) -> dict[int, list[int]]:
         """Return the value of each feature in every state."""
@@ -153,10 +159,11 @@ class PoolSession:
         Raises InputError, with the column, for what is no formula over the predicates of the data.
         """
         rows = _fields(self._ask(f"pool_formula({quote(text)})"))
-        single = {row[0]: row[1] for row in rows if len(row) == 2}
+        single = {row[0]: row[1] for row in rows if row[0] != "satisfying"}
         match, how = single["match"].split()
         return Reading(
             formula=single["formula"].rstrip("."),
+            text=next(row[2] for row in rows if row[0] == "formula"),
             cost=int(single["cost"]),
             values=[int(v) for v in single["values"].split()],
             satisfying={int(row[1]): row[2].split() for row in rows if row[0] == "satisfying"},
@@ -217,8 +224,3 @@ def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
             raise InputError(*(Diagnostic(f"not a grammar: {error}", path, hint=hint) for path in grammars)) from error
     if diagnostics:
         raise InputError(*diagnostics)
-
-
-def _numbered(lines: str) -> dict[int, str]:
-    formulas = [line.rstrip(".") for line in lines.splitlines()]
-    return {int(formula[len("formula(") : formula.index(",")]): formula for formula in formulas}

@@ -1,9 +1,8 @@
-"""Formulas of the pool as terms, and how people read them."""
+"""Formulas of the pool as terms."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 
 Term = tuple[str, tuple["Term", ...]]
 
@@ -37,56 +36,3 @@ def parse_term(text: str) -> Term:
         return name, tuple(arguments)
 
     return term()
-
-
-_CONNECTIVES = {"conj": (" ∧ ", 3), "disj": (" ∨ ", 2), "implies": (" ⇒ ", 1)}
-_NEGATION = 4
-_QUANTIFIERS = {"some": "∃", "every": "∀"}
-
-
-def describe(formula: str, display: Mapping[str, str]) -> str:
-    """Write a formula (the text of `formula/4` or of its last argument) for people: `∃y On(x,y) ∧ Movable(y)`.
-
-    `display` gives the spelling of predicates. The free variable is x; a quantifier reaches as far as it can.
-    """
-    term = parse_term(formula)
-    if term[0] == "formula":
-        term = term[1][3]
-
-    def variable(name: str) -> str:
-        letters = "xyzwuvrstpqabcdefghijklmno"
-        number = int(name[1:])
-        return letters[number] if number < len(letters) else name
-
-    def write(term: Term, strength: int = 0) -> str:
-        name, arguments = term
-        if name in _CONNECTIVES:
-            symbol, own = _CONNECTIVES[name]
-            left, right = arguments
-            before = f"({write(left)})" if _open_ended(left) else write(left, own + (name == "implies"))
-            text = before + symbol + write(right, own)
-            return f"({text})" if own < strength else text
-        if name in _QUANTIFIERS:
-            bound = []
-            while term[0] == name:
-                bound.append(variable(term[1][0][0]))
-                term = term[1][2]
-            return f"{_QUANTIFIERS[name]}{','.join(bound)} {write(term)}"
-        if name == "neg":
-            return "¬" + write(arguments[0], _NEGATION)
-        if name == "closure":
-            u, w, _, body, y, x = arguments
-            pair = f"{variable(u[0])},{variable(w[0])}"
-            return f"{{{pair} | {write(body)}}}⁺({variable(y[0])},{variable(x[0])})"
-        if name == "true":
-            return "⊤"
-        spelling = display.get(name, name)
-        return f"{spelling}({','.join(variable(a[0]) for a in arguments)})" if arguments else spelling
-
-    return write(term)
-
-
-def _open_ended(term: Term) -> bool:
-    """Whether the text of a formula ends with the reach of a quantifier, so that nothing may follow it."""
-    name, arguments = term
-    return name in _QUANTIFIERS or (name in (*_CONNECTIVES, "neg") and _open_ended(arguments[-1]))
