@@ -84,12 +84,13 @@ print_pooled(Id, Name, Numbers) :-
 
 %!  pool_formulas(+Cost:nonneg) is det.
 %
-%   Print lines `formula(Id, Variable, Sort, Formula). TAB Text` for the representatives of this Cost; Text is how
-%   people read the formula.
+%   Print lines `Id TAB Kind TAB formula(Id, Variable, Sort, Formula). TAB Text` for the representatives of this Cost;
+%   Text is how people read the formula.
 
 pool_formulas(Cost) :-
-    forall(representative(Id, Cost, _, Item, _, _, _),
+    forall(representative(Id, Cost, Kind, Item, _, _, _),
            ( item_formula(Item, Variable, Sort, Formula),
+             format("~d\t~w\t", [Id, Kind]),
              print_formula(formula(Id, Variable, Sort, Formula)) )).
 
 print_formula(Fact) :-

@@ -13,8 +13,15 @@ from gentamp_lp.base.reading import read_text
 from gentamp_lp.demonstrations.demonstrate import demonstrate
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.open_world import Openness
-from gentamp_lp.features.pool import Pool, PoolSession, Pruned, PruningEntry, Reading, check_grammars
-from gentamp_lp.features.terms import split_formula
+from gentamp_lp.features.pool import (
+    Pool,
+    PoolSession,
+    Pruned,
+    PruningEntry,
+    Reading,
+    check_grammars,
+    split_formula,
+)
 from gentamp_lp.tasks.task import Task
 
 Progress = Callable[[str], None]
@@ -141,8 +148,7 @@ def list_features(
         values = session.values()
         satisfying = session.satisfying(state) if state is not None else {}
     listed = [
-        _feature(number, pool, openness, values[number], satisfying.get(number))
-        for number in sorted(pool.formulas)
+        _feature(number, pool, openness, values[number], satisfying.get(number)) for number in sorted(pool.formulas)
     ]
     if match is not None:
         wanted = _squeeze(match)

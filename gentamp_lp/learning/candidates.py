@@ -9,8 +9,7 @@ from gentamp_lp.abstraction.choose import NoPolicy, Solution, synthesize_policy
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.explaining.why_no_policy import absence
-from gentamp_lp.features.pool import Pool, deepen
-from gentamp_lp.features.terms import split_formula
+from gentamp_lp.features.pool import Pool, deepen, split_formula
 from gentamp_lp.learning.run import Run
 from gentamp_lp.policy.policy import Policy
 

@@ -11,9 +11,9 @@ import pytest
 from helpers.brute_force import State, pool_rows
 
 from gentamp_lp.base.shipped import resource
+from gentamp_lp.base.terms import parse_term
 from gentamp_lp.errors import InputError
 from gentamp_lp.features.pool import PoolSession, generate_pool
-from gentamp_lp.features.terms import parse_term
 
 SORTS = ("o", "w", "g")
 

@@ -16,10 +16,10 @@ from helpers import synthetic
 from helpers.brute_force import State, pool_rows
 from helpers.pace import at_most
 
+from gentamp_lp.base.terms import parse_term, quote_atom
 from gentamp_lp.errors import InputError, LimitReached, SolverError
 from gentamp_lp.features.pool import Pool, PoolSession, check_grammars, deepen, generate_pool
-from gentamp_lp.features.terms import parse_term
-from gentamp_lp.solvers.prolog import Prolog, PrologProcess, quote
+from gentamp_lp.solvers.prolog import Prolog, PrologProcess
 from gentamp_lp.tasks.grammars import find_grammar
 
 LOGIC = Path(__file__).parents[1] / "logic"
@@ -413,7 +413,7 @@ def test_goals_in_this_process() -> None:
     prolog = Prolog()
     assert prolog.rows("member(X-Y, [a-1, 'it''s'-2])", "X", "Y") == [("a", "1"), ("it's", "2")]
     assert prolog.holds("true") and not prolog.holds("fail")
-    assert prolog.text(f"write({quote(chr(39) + 'a' + chr(92))})") == "'a\\"
+    assert prolog.text(f"write({quote_atom(chr(39) + 'a' + chr(92))})") == "'a\\"
     with pytest.raises(SolverError, match="no_such_goal"):
         prolog.holds("no_such_goal")
 
