@@ -4,6 +4,7 @@
             to_file/2,              % +File, +Goal
             message_string/2        % +Error, -Text
           ]).
+:- use_module(library(apply), [exclude/3]).
 
 /** <module> What the Python side needs: loading with all complaints collected, and goals as text
 

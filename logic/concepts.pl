@@ -5,15 +5,14 @@
             vocabulary/3,           % +Text, +Arity, -Found
             read_formula/4          % +Text, -Variable, -Sort, -Formula
           ]).
-:- use_module(library(lists), [member/2, nth1/3, permutation/2]).
-:- use_module(library(apply), [maplist/3]).
-:- use_module(facts).
-:- use_module(engine).
-:- use_module(rules).
-:- use_module(views, [class/2]).
+:- use_module(library(lists), [member/2, nth0/3, nth1/3, permutation/2]).
+:- use_module(engine, [shape/3]).
+:- use_module(evaluate, [denotation/4]).
+:- use_module(facts, [predicate/2, spelling/2]).
 :- use_module(notation, [parse_formula/3]).
+:- use_module(rules, [concept_at/6, grammar_error/4]).
 :- use_module(sorts, [resolve/5]).
-:- use_module(evaluate).
+:- use_module(views, [class/2]).
 
 /** <module> The words of a domain: predicates, and what the user's grammar says with them
 

@@ -22,8 +22,8 @@
             closure/3,              % +Class, +R, -D
             primitive/1             % ?Head
           ]).
-:- use_module(library(apply), [foldl/4]).
-:- use_module(facts).
+:- use_module(library(lists), [member/2, reverse/2]).
+:- use_module(facts, [entity_count/2, entity_count/3, problem_states/2, state_count/1]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> Denotations as bit vectors

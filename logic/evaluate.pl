@@ -3,11 +3,12 @@
           ]).
 :- use_module(library(apply), [foldl/4, partition/4]).
 :- use_module(library(assoc), [get_assoc/3, list_to_assoc/2]).
-:- use_module(library(lists), [append/3, member/2, nth1/3, selectchk/3]).
+:- use_module(library(lists), [append/3, member/2, nth1/3, nth1/4, selectchk/3]).
 :- use_module(library(ordsets), [ord_intersection/3, ord_subset/2, ord_subtract/3, ord_union/3]).
 :- use_module(library(pairs), [group_pairs_by_key/2]).
-:- use_module(facts).
-:- use_module(engine).
+:- autoload(library(yall), [(>>)/3, (>>)/5]).
+:- use_module(engine, [assemble/3, mask/2]).
+:- use_module(facts, [entity_count/2, entity_count/3, predicate/2, problem_states/2, slot/4, state_count/1, tuple/4]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> The exact value of one formula, whatever its arity

@@ -16,9 +16,11 @@
             slot/4,                 % +Entity, +Problem, ?Sort, -Index
             tuple/4                 % +Predicate, -Problem, -States, -Arguments
           ]).
+:- use_module(library(aggregate), [aggregate_all/3]).
 :- use_module(library(apply), [foldl/4]).
-:- use_module(library(lists), [max_list/2]).
-:- use_module(library(error), [must_be/2, domain_error/2, existence_error/2]).
+:- use_module(library(error), [domain_error/2, existence_error/2, must_be/2]).
+:- use_module(library(lists), [max_list/2, member/2, nth0/3, same_length/2]).
+:- autoload(library(yall), [(>>)/5]).
 
 /** <module> The training data: entities, states and what is true in them
 

@@ -3,11 +3,11 @@
             item_formula/4,         % +Id, -Variable, -Sort, -Formula
             formula_size/2          % +Formula, -Size
           ]).
-:- use_module(library(lists), [nth1/3]).
-:- use_module(facts).
-:- use_module(rules).
-:- use_module(generate, [meta/6, item/6, bucket/5]).
+:- use_module(library(lists), [member/2, nth1/3, same_length/2]).
 :- use_module(concepts, [concept/4]).
+:- use_module(facts, [predicate/2]).
+:- use_module(generate, [bucket/5, item/6, meta/6]).
+:- use_module(rules, [grammar_rule/7, says/5, op(200, xfx, @)]).
 :- use_module(terms, [bind_some/3, connective/2, fresh//1, rename//3]).
 
 /** <module> The first-order formula of an item

@@ -4,7 +4,7 @@
             describe_formula/3,     % +Formula, +Display, -Text
             complain/3              % +Column, +Format, +Arguments
           ]).
-:- use_module(library(lists), [append/3, member/2]).
+:- use_module(library(lists), [append/3, member/2, same_length/2]).
 
 /** <module> Formulas as people write them, and as they are printed
 

@@ -9,16 +9,21 @@
             pool_formula/1,         % +Text
             pool_statistics/0
           ]).
-:- use_module(library(lists), [member/2]).
-:- use_module(facts).
-:- use_module(engine).
-:- use_module(rules).
-:- use_module(generate).
-:- use_module(features).
-:- use_module(formula).
-:- use_module(concepts).
-:- use_module(evaluate).
+:- use_module(library(aggregate), [aggregate_all/3]).
+:- use_module(library(apply), [foldl/4, maplist/3]).
+:- use_module(library(lists), [member/2, numlist/3, subtract/3]).
+:- autoload(library(yall), [(>>)/5]).
+:- use_module(concepts, [open_concepts/0, read_formula/4]).
+:- use_module(engine, [count_bits/3, engine_setup/0, shape/3]).
+:- use_module(evaluate, [denotation/4]).
+:- use_module(facts, [read_facts/1, slot/4, spelling/2, state/2, state_count/1]).
+:- use_module(features, [collect_features/1, feature_count/3, find_feature/4, representative/7, start_features/0,
+                         transition_bit/2]).
+:- use_module(formula, [item_formula/4]).
+:- use_module(generate, [bucket/5, formula_count/1, generate_level/1, item/6, meta/6, rule_count/4,
+                         start_generating/0]).
 :- use_module(notation, [describe_formula/3]).
+:- use_module(rules, [load_grammars/2]).
 :- use_module(terms, [formula_cost/3]).
 
 /** <module> The feature pool

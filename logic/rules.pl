@@ -12,10 +12,10 @@
             grammar_error/4,        % +File, +Line, +Format, +Arguments
             op(200, xfx, @)         % Operand@Variables, in says/5
           ]).
-:- use_module(library(lists), [member/2, nth1/3]).
-:- use_module(engine).
-:- use_module(library(apply), [exclude/3, maplist/3]).
+:- use_module(library(lists), [append/3, member/2, nth1/3]).
 :- use_module(bridge, [message_string/2]).
+:- use_module(engine, [meet/3, join/3, complement/3, implies/4, some/3, restrict/4, exclude/4, given/3, diagonal/3,
+                       compose/5, closure/3, primitive/1]).
 :- use_module(notation, [parse_concept/4]).
 :- use_module(terms, [connective/2]).
 

@@ -1,8 +1,9 @@
 :- module(sorts,
           [ resolve/5               % +Parsed, +Names, +Lookup, -Sorts, -Formula
           ]).
+:- use_module(library(apply), [foldl/5, maplist/3]).
 :- use_module(library(lists), [list_to_set/2, member/2]).
-:- use_module(library(apply), [foldl/6, maplist/3]).
+:- autoload(library(yall), [(>>)/4, (>>)/6]).
 :- use_module(notation, [complain/3]).
 :- use_module(terms, [bind_some/3, fresh//1, pair/3, rename//3]).
 

@@ -8,6 +8,7 @@
           ]).
 :- use_module(library(apply), [maplist/3]).
 :- use_module(library(lists), [member/2, nth1/3]).
+:- autoload(library(yall), [(>>)/4]).
 
 /** <module> Formulas as terms
 

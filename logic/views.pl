@@ -3,9 +3,10 @@
             class/2                 % ?Sorts, ?Class
           ]).
 :- use_module(library(apply), [maplist/3]).
-:- use_module(library(lists), [nth1/3, subtract/3, permutation/2]).
-:- use_module(facts).
-:- use_module(engine).
+:- use_module(library(lists), [member/2, nth1/3, permutation/2, subtract/3]).
+:- autoload(library(yall), [(>>)/4]).
+:- use_module(engine, [assemble/3, mask/2, restrict/4, shape/3, single/2, wider/3]).
+:- use_module(facts, [at_most_one/1, entity_count/2, fluent/1, owner/3, predicate/2, slot/4, state_count/1, tuple/4]).
 
 /** <module> Predicates seen through the entities that matter
 
