@@ -145,21 +145,3 @@ parts(Name, F) --> { F =.. [Name,A,B] }, !, parts(Name, A), parts(Name, B).
 parts(_, F0) --> { flat(F0, F) }, [F].
 
 :- end_tests(notation).
-
-:- begin_tests(terms).
-
-hidden(at(_, _), [1]).
-
-test(cost, [forall(member(Text-Cost, ["Red(x)"-1, "Empty"-1, "∃y On(x,y)"-2, "∃o At(o,p)"-1, "At(_,p)"-1,
-                                      "∃o At(o,p) ∧ Red(o)"-2, "∃x Red(x)"-2, "∃y On(x,y) ∧ Red(y) ∧ Red(x)"-3,
-                                      "∃y ∀z On(x,y) ⇒ On(z,y)"-3, "Red(x) ⇒ Empty"-3, "∃y On(x,y) ⇒ Red(y)"-3])),
-            true(C == Cost), nondet]) :-
-    parse_formula(Text, Free, Parsed),
-    resolve(Parsed, [Free], known, Sorts, Formula),
-    ( Sorts = [_|_] -> V = v0 ; V = none ),
-    formula_cost(formula(V, Formula), hidden, C).
-
-test(rename, F-N == some(v7, o, on(v5, v7))-8) :-
-    rename(some(v1, o, on(v0, v1)), [v0-v5], F, 7, N).
-
-:- end_tests(terms).
