@@ -8,6 +8,9 @@
 
 /** <module> What the Python side needs: loading with all complaints collected, and goals as text
 
+    ?- answer('format("hello")', Status, Output).
+    Status = true, Output = "hello".
+
 Consulting prints errors and drops the clauses concerned; here the complaints come back as text instead.
 */
 

@@ -16,6 +16,10 @@
 
 /** <module> The words of a domain: predicates, and what the user's grammar says with them
 
+    ?- load_grammars(['docs/examples/05-own-words/home.lp'], Diagnostics), read_facts('tests/logic/cup.pl'),
+       vocabulary('HOLDING', 1, Found).
+    Diagnostics = [], Found = predicate(holding, [object]).
+
 A grammar file may name a formula, concept("Misplaced(x)", "Red(x) & exists y: On(x,y) & ~Red(y)", 1). Such a
 concept is a literal of the given cost wherever it fits. It is a name only: features print, compile and evaluate as the
 formula that it stands for.

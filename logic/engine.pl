@@ -28,6 +28,9 @@
 
 /** <module> Denotations as bit vectors
 
+    ?- read_facts('tests/logic/cup.pl'), engine_setup, mask(con(object), Mask), complement(con(object), 5, Bits).
+    Mask = 0b111_111_111, Bits = 0b111_111_010.
+
 A formula denotes the set of variable assignments and states that satisfy it. The set is one unbounded
 integer. Its bits are laid out like an array whose last index, the state, varies fastest:
 

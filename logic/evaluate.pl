@@ -13,6 +13,10 @@
 
 /** <module> The exact value of one formula, whatever its arity
 
+    ?- read_facts('tests/logic/cup.pl'), engine_setup,
+       denotation(some(v1, object, on(v0, v1)), [v0-object], con(object), Bits).
+    Bits = 0b101.
+
 The pool's bit vectors hold the assignments of at most three variables. A formula that a person writes may have
 more; it is evaluated here by relational algebra on _tables_, the satisfying assignments and the states in which
 they satisfy:

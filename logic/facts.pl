@@ -24,6 +24,9 @@
 
 /** <module> The training data: entities, states and what is true in them
 
+    ?- read_facts('tests/logic/cup.pl'), tuple(on, Problem, States, Arguments).
+    Problem = 0, States = 0b001, Arguments = [cup,t1].
+
 Reads the facts that describe the demonstrations and numbers the entities: the I-th entity of a sort
 in one problem shares slot I with the I-th entity of that sort in every other problem, so that one bit
 vector covers all states of all problems.

@@ -18,6 +18,10 @@
 
 /** <module> From formulas to features
 
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'), pool_level(0), pool_level(1),
+       representative(1, Cost, Kind, Item, Positive, Rising, Falling), item_formula(Item, Variable, Sort, Formula).
+    Cost = 1, Kind = boolean, Positive = 0b010, Variable = v0, Sort = object, Formula = holding(v0).
+
 The value of a feature in every state is a list of _planes_: bit s of the I-th plane is binary digit I
 of the value in state s. All that learning needs of a feature is qualitative: in which states it is
 positive, and on which transitions it rises or falls. Features that agree in this and in their kind are

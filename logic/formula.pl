@@ -12,6 +12,9 @@
 
 /** <module> The first-order formula of an item
 
+    ?- read_facts('tests/logic/cup.pl'), formula(view(atpose, [2]), [], Formula).
+    Formula = some(v1, object, atpose(v1, v0)).
+
 Items refer to their operands by Id; says/5 of the grammar tells how a rule reads, and a view reads as its
 predicate with the other arguments existentially quantified. Variables are v0 (the free one), v1, v2 ...
 in order of appearance, all different.

@@ -21,6 +21,11 @@
 
 /** <module> Formulas, level by level
 
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'), generate_level(0), generate_level(1),
+       item(Bucket, Id, _, _, negated, Bits), bucket(Bucket, Class, Literals, Variables, _),
+       meta(Id, _, _, _, Rule, Operands).
+    Class = con(pose), Literals = 1, Variables = 1, Rule = negated.
+
 Level K makes all formulas of cost K from cheaper ones (and from formulas of the same cost with fewer
 literals), and prunes at once:
 

@@ -98,9 +98,9 @@ parse_concept(Head-Text, Name, Variables, Parsed) :-
     ),
     parse_formula(Text, _, Parsed).
 
-%!  complain(+Column, +Format, +Arguments) is erroneous.
+%!  complain(+Column, +Format, +Arguments) is failure.
 %
-%   @error notation_error(Column, Message)
+%   @error notation_error(Column, Message) always
 
 complain(Column, Format, Arguments) :-
     format(string(Message), Format, Arguments),

@@ -28,10 +28,10 @@
 
 /** <module> The feature pool
 
-    ?- pool_grammar(['grammar.lp']),
-       pool_open('facts.pl'),
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'),
        forall(between(0, 3, Cost), pool_level(Cost)),
-       forall(between(0, 3, Cost), pool_features(Cost)).
+       with_output_to(string(Printed), pool_formulas(1)), split_string(Printed, "\n", "", [First|_]).
+    First = "1\tboolean\tformula(1,v0,object,holding(v0)).\tholding(x)".
 
 reads a grammar (rules.pl) and training data (facts.pl), sees predicates as bit vectors (views.pl, engine.pl),
 builds formulas up to a cost (generate.pl), keeps the features that behave differently (features.pl), and
@@ -127,8 +127,8 @@ pool_satisfying(State) :-
 %!  pool_formula(+Text) is det.
 %
 %   Read a feature (see notation.pl), evaluate it exactly, and find it in the pool. Prints lines of fields between
-%   tabs: `formula`, a formula/4 with number 0, and how people read it; `cost`; `values` in all states; for each state `satisfying`, the
-%   state and what satisfies (if it counts); and `match` with one of
+%   tabs: `formula`, a formula/4 with number 0, and how people read it; `cost`; `values` in all states; for each state
+%   `satisfying`, the state and what satisfies (if it counts); and `match` with one of
 %
 %     - Id, `same_values`: the pool has a feature with these values (perhaps this one)
 %     - Id, `same_behaviour`: one that is positive, rises and falls where this does

@@ -21,6 +21,9 @@
 
 /** <module> Reading grammar files safely
 
+    ?- load_grammars(['logic/grammar.lp'], Diagnostics), grammar_rule(_, conj, Operands, Result, Cost, Commutative, _).
+    Diagnostics = [], Operands = [con(X),con(X)], Result = con(X), Cost = 0, Commutative = true.
+
 A grammar may come from a stranger. It is never consulted: each term is read, and only the clauses that
 grammar.lp describes are accepted; the body of a sem/5 clause may call the engine's primitives and nothing
 else, so a grammar can compute denotations but not reach a file, a shell or itself.

@@ -10,6 +10,9 @@
 
 /** <module> Predicates seen through the entities that matter
 
+    ?- read_facts('tests/logic/cup.pl'), engine_setup, view(Kind, Class, holding, Positions, Bound, Bits).
+    Kind = pred, Class = con(object), Positions = [1], Bound = one, Bits = 0b010.
+
 A sampled entity determines the inputs of the stream that made it: a pose knows its object and its
 support. Where the data confirm this, AtPose(o,p) says no more than "p is occupied" and a four-place
 collision test relates two poses. Such a predicate is used through a _view_: its projection onto some

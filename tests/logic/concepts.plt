@@ -19,10 +19,12 @@ open_with(Text) :-
 test(a_concept_may_use_those_before_it, F == conj(on(v0, v1), neg(holding(v0)))) :-
     concept('Above', [v0,v1], [object,object], F).
 
-test(any_case_of_letters, [forall(member(Text, [held, 'HELD', 'Held'])), true(Found = concept('Held', _, [object], _))]) :-
+test(any_case_of_letters, [forall(member(Text, [held, 'HELD', 'Held'])),
+                           true(Found = concept('Held', _, [object], _))]) :-
     vocabulary(Text, 1, Found).
 
-test(predicates_as_shown_or_named, [forall(member(Text, ['On', on, 'ON'])), true(Found == predicate(on, [object,object]))]) :-
+test(predicates_as_shown_or_named, [forall(member(Text, ['On', on, 'ON'])),
+                                    true(Found == predicate(on, [object,object]))]) :-
     vocabulary(Text, 2, Found).
 
 test(arity_matters, fail) :-
