@@ -4,8 +4,12 @@
             to_file/2,              % +File, +Goal
             message_string/2        % +Error, -Text
           ]).
+:- use_module(library(apply), [exclude/3]).
 
 /** <module> What the Python side needs: loading with all complaints collected, and goals as text
+
+    ?- answer('format("hello")', Status, Output).
+    Status = true, Output = "hello".
 
 Consulting prints errors and drops the clauses concerned; here the complaints come back as text instead.
 */

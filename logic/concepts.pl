@@ -5,16 +5,20 @@
             vocabulary/3,           % +Text, +Arity, -Found
             read_formula/4          % +Text, -Variable, -Sort, -Formula
           ]).
-:- use_module(library(lists), [member/2, nth1/3, permutation/2]).
-:- use_module(library(apply), [maplist/3]).
-:- use_module(facts).
-:- use_module(engine).
-:- use_module(rules).
+:- use_module(library(lists), [member/2, nth0/3, nth1/3, permutation/2]).
+:- use_module(engine, [shape/3]).
+:- use_module(evaluate, [denotation/4]).
+:- use_module(facts, [predicate/2, spelling/2]).
+:- use_module(notation, [parse_formula/3]).
+:- use_module(rules, [concept_at/6, grammar_error/4]).
+:- use_module(sorts, [resolve/5]).
 :- use_module(views, [class/2]).
-:- use_module(notation).
-:- use_module(evaluate).
 
 /** <module> The words of a domain: predicates, and what the user's grammar says with them
+
+    ?- load_grammars(['docs/examples/05-own-words/home.lp'], Diagnostics), read_facts('tests/logic/cup.pl'),
+       vocabulary('HOLDING', 1, Found).
+    Diagnostics = [], Found = predicate(holding, [object]).
 
 A grammar file may name a formula, concept("Misplaced(x)", "Red(x) & exists y: On(x,y) & ~Red(y)", 1). Such a
 concept is a literal of the given cost wherever it fits. It is a name only: features print, compile and evaluate as the
@@ -66,7 +70,7 @@ same_word(Text, Name, concept(Name, _, _, _)) :-
 same_word(Name, Name, predicate(Name, _)).
 same_word(Text, Name, predicate(Name, _)) :-
     predicate(Name, _),
-    ( display(Name, Shown) -> true ; Shown = Name ),
+    spelling(Name, Shown),
     ( same_letters(Text, Shown) ; same_letters(Text, Name) ).
 
 same_letters(A, B) :-

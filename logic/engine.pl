@@ -22,11 +22,14 @@
             closure/3,              % +Class, +R, -D
             primitive/1             % ?Head
           ]).
-:- use_module(library(apply), [foldl/4]).
-:- use_module(facts).
+:- use_module(library(lists), [member/2, reverse/2]).
+:- use_module(facts, [entity_count/2, entity_count/3, problem_states/2, state_count/1]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> Denotations as bit vectors
+
+    ?- read_facts('tests/logic/cup.pl'), engine_setup, mask(con(object), Mask), complement(con(object), 5, Bits).
+    Mask = 0b111_111_111, Bits = 0b111_111_010.
 
 A formula denotes the set of variable assignments and states that satisfy it. The set is one unbounded
 integer. Its bits are laid out like an array whose last index, the state, varies fastest:

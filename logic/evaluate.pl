@@ -3,14 +3,19 @@
           ]).
 :- use_module(library(apply), [foldl/4, partition/4]).
 :- use_module(library(assoc), [get_assoc/3, list_to_assoc/2]).
-:- use_module(library(lists), [append/3, member/2, nth1/3, selectchk/3]).
+:- use_module(library(lists), [append/3, member/2, nth1/3, nth1/4, selectchk/3]).
 :- use_module(library(ordsets), [ord_intersection/3, ord_subset/2, ord_subtract/3, ord_union/3]).
 :- use_module(library(pairs), [group_pairs_by_key/2]).
-:- use_module(facts).
-:- use_module(engine).
+:- autoload(library(yall), [(>>)/3, (>>)/5]).
+:- use_module(engine, [assemble/3, mask/2]).
+:- use_module(facts, [entity_count/2, entity_count/3, predicate/2, problem_states/2, slot/4, state_count/1, tuple/4]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> The exact value of one formula, whatever its arity
+
+    ?- read_facts('tests/logic/cup.pl'), engine_setup,
+       denotation(some(v1, object, on(v0, v1)), [v0-object], con(object), Bits).
+    Bits = 0b101.
 
 The pool's bit vectors hold the assignments of at most three variables. A formula that a person writes may have
 more; it is evaluated here by relational algebra on _tables_, the satisfying assignments and the states in which

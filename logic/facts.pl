@@ -3,6 +3,7 @@
             sort/1,                 % ?Sort
             predicate/2,            % ?Name, ?Sorts
             display/2,              % ?Name, ?Text
+            spelling/2,             % +Name, -Text
             owner/3,                % ?Predicate, ?Sort, ?Position
             at_most_one/1,          % ?Predicate
             fluent/1,               % +Predicate
@@ -15,11 +16,16 @@
             slot/4,                 % +Entity, +Problem, ?Sort, -Index
             tuple/4                 % +Predicate, -Problem, -States, -Arguments
           ]).
+:- use_module(library(aggregate), [aggregate_all/3]).
 :- use_module(library(apply), [foldl/4]).
-:- use_module(library(lists), [max_list/2]).
-:- use_module(library(error), [must_be/2, domain_error/2, existence_error/2]).
+:- use_module(library(error), [domain_error/2, existence_error/2, must_be/2]).
+:- use_module(library(lists), [max_list/2, member/2, nth0/3, same_length/2]).
+:- autoload(library(yall), [(>>)/5]).
 
 /** <module> The training data: entities, states and what is true in them
+
+    ?- read_facts('tests/logic/cup.pl'), tuple(on, Problem, States, Arguments).
+    Problem = 0, States = 0b001, Arguments = [cup,t1].
 
 Reads the facts that describe the demonstrations and numbers the entities: the I-th entity of a sort
 in one problem shares slot I with the I-th entity of that sort in every other problem, so that one bit
@@ -46,6 +52,15 @@ The file is read term by term, never consulted: it cannot run anything.
 %
 %   The facts as read. An entity of Sort at Position of Predicate is a stream's output, which determines the
 %   other arguments; transitions lead from state to state.
+
+%!  spelling(+Name, -Text) is det.
+%
+%   Text is how people read the predicate Name.
+
+spelling(Name, Text) :-
+    display(Name, Text),
+    !.
+spelling(Name, Name).
 
 %!  state_count(-Count) is det.
 %!  entity_count(?Sort, -Count) is nondet.

@@ -6,14 +6,21 @@
             find_feature/4,         % +Class, +Planes, -Id, -How
             feature_count/3         % ?Level, ?What, -Number
           ]).
+:- use_module(library(aggregate), [aggregate_all/3]).
 :- use_module(library(apply), [foldl/4]).
-:- use_module(facts).
-:- use_module(engine).
-:- use_module(generate).
-:- use_module(formula).
+:- use_module(library(lists), [member/2, nth0/3, nth1/3]).
+:- autoload(library(yall), [(>>)/5]).
+:- use_module(engine, [count_bits/3]).
+:- use_module(facts, [state_count/1, transition/3]).
+:- use_module(formula, [item_formula/4]).
+:- use_module(generate, [bucket/5, item/6, meta/6]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> From formulas to features
+
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'), pool_level(0), pool_level(1),
+       representative(1, Cost, Kind, Item, Positive, Rising, Falling), item_formula(Item, Variable, Sort, Formula).
+    Cost = 1, Kind = boolean, Positive = 0b010, Variable = v0, Sort = object, Formula = holding(v0).
 
 The value of a feature in every state is a list of _planes_: bit s of the I-th plane is binary digit I
 of the value in state s. All that learning needs of a feature is qualitative: in which states it is
@@ -24,7 +31,7 @@ are dropped.
 */
 
 :- dynamic
-    best/9,         % Class, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec
+    best/4,         % Behaviour, Cost, Size-Rank, feature(Item, Kind, Pos, Inc, Dec)
     representative/7,
     transition_bit/2,
     gather/4,       % Sources, Targets, Shift, Mask
@@ -44,7 +51,7 @@ are dropped.
 %   Forget all features, and prepare the comparison of values before and after each transition.
 
 start_features :-
-    retractall(best(_,_,_,_,_,_,_,_,_)),
+    retractall(best(_,_,_,_)),
     retractall(representative(_,_,_,_,_,_,_)),
     forall(member(Name, [values, behaviours]),
            ( trie_new(Trie), nb_setval(Name, Trie) )),
@@ -117,7 +124,7 @@ offer_feature(Class, Cost, Item, Bits) :-
     ),
     (   Behaviour == none
     ->  increment(count_constant)
-    ;   offer_best(Behaviour, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec)
+    ;   offer_best(Behaviour, Cost, Size-Rank, feature(Item, Kind, Pos, Inc, Dec))
     ).
 
 kind(prop, _, boolean) :- !.
@@ -147,14 +154,16 @@ behaviour_number(Key, Number) :-
         trie_insert(Trie, Key, Number)
     ).
 
-offer_best(Behaviour, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec) :-
-    (   best(Behaviour, Cost0, Size0, Rank0, Item0, _, _, _, _)
-    ->  (   better(Cost-Size-Rank, Item, Cost0-Size0-Rank0, Item0)
-        ->  retract(best(Behaviour, _, _, _, _, _, _, _, _)),
-            assertz(best(Behaviour, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec))
+offer_best(Behaviour, Cost, Key, Feature) :-
+    (   best(Behaviour, Cost0, Key0, Feature0)
+    ->  arg(1, Feature, Item),
+        arg(1, Feature0, Item0),
+        (   better(Cost-Key, Item, Cost0-Key0, Item0)
+        ->  retract(best(Behaviour, _, _, _)),
+            assertz(best(Behaviour, Cost, Key, Feature))
         ;   true
         )
-    ;   assertz(best(Behaviour, Cost, Size, Rank, Item, Kind, Pos, Inc, Dec))
+    ;   assertz(best(Behaviour, Cost, Key, Feature))
     ).
 
 better(Key, Item, Key0, Item0) :-
@@ -180,24 +189,22 @@ text_order(Item, Text) :-
 
 behaviour(Planes, Pos, Inc, Dec) :-
     gather(Sources, Targets, Shift, Mask),
-    behaviour_(Planes, Sources, Targets, Shift, Mask, 0, 0, 0, Pos, Inc, Dec).
+    foldl(compare_digit(gather(Sources, Targets, Shift, Mask)), Planes, b(0, 0, 0), b(Pos, Inc, Dec)).
 
-behaviour_([], _, _, _, _, Pos, Inc, Dec, Pos, Inc, Dec).
-behaviour_([P|Ps], Sources, Targets, Shift, Mask, Pos0, Inc0, Dec0, Pos, Inc, Dec) :-
+compare_digit(gather(Sources, Targets, Shift, Mask), P, b(Pos0, Inc0, Dec0), b(Pos, Inc, Dec)) :-
     Before is (P*Sources) /\ Mask,
     After is ((P*Targets) >> Shift) /\ Mask,
     Rise is After /\ \Before,
     Fall is Before /\ \After,
-    Inc1 is Rise \/ (Inc0 /\ \Fall),
-    Dec1 is Fall \/ (Dec0 /\ \Rise),
-    Pos1 is Pos0 \/ P,
-    behaviour_(Ps, Sources, Targets, Shift, Mask, Pos1, Inc1, Dec1, Pos, Inc, Dec).
+    Inc is Rise \/ (Inc0 /\ \Fall),
+    Dec is Fall \/ (Dec0 /\ \Rise),
+    Pos is Pos0 \/ P.
 
 % New representatives are numbered in the order of size and text. Those of lower levels keep their numbers.
 
 number_representatives(Cost) :-
     findall(key(Size, Text)-f(Kind, Item, Pos, Inc, Dec),
-            ( best(_, Cost, Size, _, Item, Kind, Pos, Inc, Dec),
+            ( best(_, Cost, Size-_, feature(Item, Kind, Pos, Inc, Dec)),
               text_order(Item, Text) ),
             Pairs0),
     keysort(Pairs0, Pairs),
@@ -236,7 +243,7 @@ possible_kind(Class, _, numeric) :- Class \== prop.
 possible_kind(_, [_], boolean).
 
 found(Behaviour, Planes, Id, How) :-
-    once(best(Behaviour, _, _, _, Item, _, _, _, _)),
+    once(best(Behaviour, _, _, feature(Item, _, _, _, _))),
     once(representative(Id, _, _, Item, Pos, _, _)),
     once(item(Bucket, Item, _, _, _, Bits)),
     bucket(Bucket, Class, _, _, _),

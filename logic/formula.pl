@@ -3,14 +3,17 @@
             item_formula/4,         % +Id, -Variable, -Sort, -Formula
             formula_size/2          % +Formula, -Size
           ]).
-:- use_module(library(lists), [nth1/3]).
-:- use_module(facts).
-:- use_module(rules).
-:- use_module(generate, [meta/6, item/6, bucket/5]).
+:- use_module(library(lists), [member/2, nth1/3, same_length/2]).
 :- use_module(concepts, [concept/4]).
-:- use_module(notation, [bind_some/3, connective/2, fresh/3, rename/5]).
+:- use_module(facts, [predicate/2]).
+:- use_module(generate, [bucket/5, item/6, meta/6]).
+:- use_module(rules, [grammar_rule/7, says/5, op(200, xfx, @)]).
+:- use_module(terms, [bind_some/3, connective/2, fresh//1, rename//3]).
 
 /** <module> The first-order formula of an item
+
+    ?- read_facts('tests/logic/cup.pl'), formula(view(atpose, [2]), [], Formula).
+    Formula = some(v1, object, atpose(v1, v0)).
 
 Items refer to their operands by Id; says/5 of the grammar tells how a rule reads, and a view reads as its
 predicate with the other arguments existentially quantified. Variables are v0 (the free one), v1, v2 ...
@@ -44,7 +47,7 @@ formula(Rule, Operands, Formula) :-
 
 variables([], [], N, N).
 variables([_|Sorts], [V|Vs], N0, N) :-
-    fresh(N0, V, N1),
+    fresh(V, N0, N1),
     variables(Sorts, Vs, N1, N).
 
 result_class(view(Name, Positions), _, Class) :-
@@ -91,7 +94,7 @@ arguments([T|Ts], I, Positions, Variables, [V|Vs], Bound, N0, N) :-
     (   nth1(J, Positions, I)
     ->  nth1(J, Variables, V),
         arguments(Ts, I1, Positions, Variables, Vs, Bound, N0, N)
-    ;   fresh(N0, V, N1),
+    ;   fresh(V, N0, N1),
         Bound = [V-T|Bound1],
         arguments(Ts, I1, Positions, Variables, Vs, Bound1, N1, N)
     ).
@@ -102,16 +105,16 @@ expand(Id@Variables, Formula, N0, N) :-
     read_rule(Rule, Operands, Variables, Formula, N0, N).
 expand(some(V, T, A), some(V, T, F), N0, N) :-
     !,
-    fresh(N0, V, N1),
+    fresh(V, N0, N1),
     expand(A, F, N1, N).
 expand(every(V, T, A), every(V, T, F), N0, N) :-
     !,
-    fresh(N0, V, N1),
+    fresh(V, N0, N1),
     expand(A, F, N1, N).
 expand(closure(U, W, T, A, Y, X), closure(U, W, T, F, Y, X), N0, N) :-
     !,
-    fresh(N0, U, N1),
-    fresh(N1, W, N2),
+    fresh(U, N0, N1),
+    fresh(W, N1, N2),
     expand(A, F, N2, N).
 expand(neg(A), neg(F), N0, N) :-
     expand(A, F, N0, N).

@@ -7,17 +7,24 @@
             formula_count/1,        % -Number
             rule_count/4            % +Cost, ?Rule, ?What, -Number
           ]).
-:- use_module(library(lists), [max_list/2, sum_list/2, nth1/3]).
-:- use_module(library(apply), [maplist/3]).
-:- use_module(engine).
-:- use_module(facts, [predicate/2]).
-:- use_module(views).
-:- use_module(rules).
+:- use_module(library(aggregate), [aggregate_all/3]).
+:- use_module(library(apply), [maplist/3, partition/4]).
+:- use_module(library(lists), [max_list/2, member/2, sum_list/2]).
+:- autoload(library(yall), [(>>)/3]).
 :- use_module(concepts, [concept/4, concept_view/4]).
+:- use_module(engine, [mask/2, shape/3, warm/2]).
+:- use_module(facts, [predicate/2]).
 :- use_module(formula, [formula/3, formula_size/2]).
+:- use_module(rules, [bound/3, cap/2, grammar_rule/7, pruning/1, rule_failed/3, rule_law/4, sem/5]).
+:- use_module(views, [view/6]).
 :- set_prolog_flag(optimise, true).
 
 /** <module> Formulas, level by level
+
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'), generate_level(0), generate_level(1),
+       item(Bucket, Id, _, _, negated, Bits), bucket(Bucket, Class, Literals, Variables, _),
+       meta(Id, _, _, _, Rule, Operands).
+    Class = con(pose), Literals = 1, Variables = 1, Rule = negated.
 
 Level K makes all formulas of cost K from cheaper ones (and from formulas of the same cost with fewer
 literals), and prunes at once:

@@ -9,23 +9,29 @@
             pool_formula/1,         % +Text
             pool_statistics/0
           ]).
-:- use_module(library(lists), [member/2]).
-:- use_module(facts).
-:- use_module(engine).
-:- use_module(rules).
-:- use_module(generate).
-:- use_module(features).
-:- use_module(formula).
-:- use_module(concepts).
-:- use_module(evaluate).
-:- use_module(notation, [formula_cost/3]).
+:- use_module(library(aggregate), [aggregate_all/3]).
+:- use_module(library(apply), [foldl/4, maplist/3]).
+:- use_module(library(lists), [member/2, numlist/3, subtract/3]).
+:- autoload(library(yall), [(>>)/5]).
+:- use_module(concepts, [open_concepts/0, read_formula/4]).
+:- use_module(engine, [count_bits/3, engine_setup/0, shape/3]).
+:- use_module(evaluate, [denotation/4]).
+:- use_module(facts, [read_facts/1, slot/4, spelling/2, state/2, state_count/1]).
+:- use_module(features, [collect_features/1, feature_count/3, find_feature/4, representative/7, start_features/0,
+                         transition_bit/2]).
+:- use_module(formula, [item_formula/4]).
+:- use_module(generate, [bucket/5, formula_count/1, generate_level/1, item/6, meta/6, rule_count/4,
+                         start_generating/0]).
+:- use_module(notation, [describe_formula/3]).
+:- use_module(rules, [load_grammars/2]).
+:- use_module(terms, [formula_cost/3]).
 
 /** <module> The feature pool
 
-    ?- pool_grammar(['grammar.lp']),
-       pool_open('facts.pl'),
+    ?- pool_grammar(['logic/grammar.lp']), pool_open('tests/logic/cup.pl'),
        forall(between(0, 3, Cost), pool_level(Cost)),
-       forall(between(0, 3, Cost), pool_features(Cost)).
+       with_output_to(string(Printed), pool_formulas(1)), split_string(Printed, "\n", "", [First|_]).
+    First = "1\tboolean\tformula(1,v0,object,holding(v0)).\tholding(x)".
 
 reads a grammar (rules.pl) and training data (facts.pl), sees predicates as bit vectors (views.pl, engine.pl),
 builds formulas up to a cost (generate.pl), keeps the features that behave differently (features.pl), and
@@ -83,12 +89,20 @@ print_pooled(Id, Name, Numbers) :-
 
 %!  pool_formulas(+Cost:nonneg) is det.
 %
-%   Print formula/4 for the representatives of this Cost, one a line.
+%   Print lines `Id TAB Kind TAB formula(Id, Variable, Sort, Formula). TAB Text` for the representatives of this Cost;
+%   Text is how people read the formula.
 
 pool_formulas(Cost) :-
-    forall(representative(Id, Cost, _, Item, _, _, _),
+    forall(representative(Id, Cost, Kind, Item, _, _, _),
            ( item_formula(Item, Variable, Sort, Formula),
-             print_fact(formula(Id, Variable, Sort, Formula)) )).
+             format("~d\t~w\t", [Id, Kind]),
+             print_formula(formula(Id, Variable, Sort, Formula)) )).
+
+print_formula(Fact) :-
+    Fact = formula(_, _, _, Formula),
+    describe_formula(Formula, spelling, Text),
+    write_fact(Fact),
+    format("\t~w~n", [Text]).
 
 %!  pool_values(+Cost:nonneg) is det.
 %
@@ -113,8 +127,8 @@ pool_satisfying(State) :-
 %!  pool_formula(+Text) is det.
 %
 %   Read a feature (see notation.pl), evaluate it exactly, and find it in the pool. Prints lines of fields between
-%   tabs: `formula` and a formula/4 with number 0; `cost`; `values` in all states; for each state `satisfying`, the
-%   state and what satisfies (if it counts); and `match` with one of
+%   tabs: `formula`, a formula/4 with number 0, and how people read it; `cost`; `values` in all states; for each state
+%   `satisfying`, the state and what satisfies (if it counts); and `match` with one of
 %
 %     - Id, `same_values`: the pool has a feature with these values (perhaps this one)
 %     - Id, `same_behaviour`: one that is positive, rises and falls where this does
@@ -127,7 +141,7 @@ pool_satisfying(State) :-
 pool_formula(Text) :-
     read_formula(Text, Variable, Sort, Formula),
     write('formula\t'),
-    print_fact(formula(0, Variable, Sort, Formula)),
+    print_formula(formula(0, Variable, Sort, Formula)),
     formula_cost(formula(Variable, Formula), hidden, Cost),
     print_row([cost], [Cost]),
     (   Variable == none
@@ -204,8 +218,12 @@ pool_statistics :-
     print_fact(stat(views_too_large, TooLarge)).
 
 print_fact(Fact) :-
+    write_fact(Fact),
+    nl.
+
+write_fact(Fact) :-
     write_term(Fact, [quoted(true), ignore_ops(true)]),
-    format(".~n").
+    write('.').
 
 print_row(Fields, Words) :-
     forall(member(Field, Fields), format("~w\t", [Field])),

@@ -12,13 +12,17 @@
             grammar_error/4,        % +File, +Line, +Format, +Arguments
             op(200, xfx, @)         % Operand@Variables, in says/5
           ]).
-:- use_module(library(lists), [member/2, nth1/3]).
-:- use_module(engine).
-:- use_module(library(apply), [exclude/3, maplist/3]).
+:- use_module(library(lists), [append/3, member/2, nth1/3]).
 :- use_module(bridge, [message_string/2]).
-:- use_module(notation, [connective/2, parse_concept/4]).
+:- use_module(engine, [meet/3, join/3, complement/3, implies/4, some/3, restrict/4, exclude/4, given/3, diagonal/3,
+                       compose/5, closure/3, primitive/1]).
+:- use_module(notation, [parse_concept/4]).
+:- use_module(terms, [connective/2]).
 
 /** <module> Reading grammar files safely
+
+    ?- load_grammars(['logic/grammar.lp'], Diagnostics), grammar_rule(_, conj, Operands, Result, Cost, Commutative, _).
+    Diagnostics = [], Operands = [con(X),con(X)], Result = con(X), Cost = 0, Commutative = true.
 
 A grammar may come from a stranger. It is never consulted: each term is read, and only the clauses that
 grammar.lp describes are accepted; the body of a sem/5 clause may call the engine's primitives and nothing

@@ -3,11 +3,15 @@
             class/2                 % ?Sorts, ?Class
           ]).
 :- use_module(library(apply), [maplist/3]).
-:- use_module(library(lists), [nth1/3, subtract/3, permutation/2]).
-:- use_module(facts).
-:- use_module(engine).
+:- use_module(library(lists), [member/2, nth1/3, permutation/2, subtract/3]).
+:- autoload(library(yall), [(>>)/4]).
+:- use_module(engine, [assemble/3, mask/2, restrict/4, shape/3, single/2, wider/3]).
+:- use_module(facts, [at_most_one/1, entity_count/2, fluent/1, owner/3, predicate/2, slot/4, state_count/1, tuple/4]).
 
 /** <module> Predicates seen through the entities that matter
+
+    ?- read_facts('tests/logic/cup.pl'), engine_setup, view(Kind, Class, holding, Positions, Bound, Bits).
+    Kind = pred, Class = con(object), Positions = [1], Bound = one, Bits = 0b010.
 
 A sampled entity determines the inputs of the stream that made it: a pose knows its object and its
 support. Where the data confirm this, AtPose(o,p) says no more than "p is occupied" and a four-place

@@ -7,7 +7,6 @@ then one exclusive or, whatever the size of the pool.
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gentamp_lp.base.bitsets import bits, pack
+from gentamp_lp.base.terms import quote_string, read_facts, read_pooled, unquote
 from gentamp_lp.errors import Diagnostic, InputError
 
-_FACT = re.compile(r"([a-z]\w*)\(([^()\"]*|[^()\"]*\"(?:[^\"\\]|\\.)*\"\s*)\)\s*\.")
-_POOLED = re.compile(r"\b(pos|inc|dec)\(\s*(\d+)\s*,\s*(?:\(([\d;\s]+)\)|(\d+))\s*\)\s*\.")
+_POOLED = ("pos", "inc", "dec")
 _ARITY = {
     "state": 2, "initial": 1, "goal": 1, "transition": 3, "candidate": 1,
     "action": 2, "feature": 3, "size": 2,
@@ -104,7 +103,7 @@ def parse_evidence(facts: str) -> Evidence:
         goals=_marked(rows["goal"], states, "goal", "state"),
         transitions={t: Transition(t, *ends, inc=inc[t], dec=dec[t]) for t, ends in sorted(transitions.items())},
         candidates=_candidates(_marked(rows["candidate"], transitions, "candidate", "transition"), transitions),
-        schemas={int(t): name.strip().strip('"') for t, name in rows["action"]},
+        schemas={int(t): unquote(name) for t, name in rows["action"]},
         problems={int(s): int(problem) for s, problem in rows["state"]},
     )
     _check(evidence)
@@ -125,37 +124,24 @@ def evidence_facts(evidence: Evidence, features: int) -> str:
         lines += [f"inc({known[i].id},{t.id})." for i in bits(t.inc & features)]
         lines += [f"dec({known[i].id},{t.id})." for i in bits(t.dec & features)]
     lines += [f"candidate({t})." for numbers in evidence.candidates.values() for t in numbers]
-    lines += [f'action({t},"{schema}").' for t, schema in evidence.schemas.items()]
+    lines += [f"action({t},{quote_string(schema)})." for t, schema in evidence.schemas.items()]
     return "\n".join(lines) + "\n"
 
 
 def _rows(facts: str) -> dict[str, list[tuple[str, ...]]]:
-    """Split the text into argument rows; the values of the features, which are many, by one scan.
-
-    `pos(1,(2;4))` stands for `pos(1,2)` and `pos(1,4)`, as in clingo; such a row is ("1", "2;4").
-    """
+    """Split the text into argument rows; those of pos, inc and dec, which are many, are as `read_pooled` says."""
+    pooled, rest = read_pooled(facts, _POOLED)
     rows: dict[str, list[tuple[str, ...]]] = defaultdict(list)
-    text = re.sub(r"%[^\n]*", "", facts) if "%" in facts else facts
-    for match in _POOLED.finditer(text):
-        rows[match[1]].append((match[2], match[3] or match[4]))
-    rest = _POOLED.sub("", text)
-    for match in _FACT.finditer(rest):
-        name, arguments = match[1], tuple(part.strip() for part in match[2].split(","))
-        if _ARITY.get(name) != len(arguments):
-            raise _unreadable(text, match[0])
-        if not all(part.isdigit() for part in arguments[: 1 if name in ("feature", "action") else None]):
-            raise _unreadable(text, match[0])
+    for name in _POOLED:
+        rows[name] += pooled[name]
+    for fact in read_facts(rest):
+        name, arguments = fact.name, fact.args
+        numbers = arguments[: 1 if name in ("feature", "action") else None]
+        if _ARITY.get(name) != len(arguments) or not all(map(str.isdigit, numbers)):
+            known = ", ".join(f"{name}/{arity}" for name, arity in sorted(_ARITY.items()))
+            raise fact.error(f"not a fact of the training data: {fact}", f"known: {known}")
         rows[name].append(arguments)
-    left = _FACT.sub("", rest).split()
-    if left:
-        raise _unreadable(text, left[0])
     return rows
-
-
-def _unreadable(text: str, piece: str) -> InputError:
-    line = text[: max(text.find(piece), 0)].count("\n") + 1
-    known = ", ".join(f"{name}/{arity}" for name, arity in sorted(_ARITY.items()))
-    return InputError(Diagnostic(f"not a fact of the sample: {piece}", line=line, hint=f"known: {known}"))
 
 
 def _feature(row: tuple[str, ...], sizes: Mapping[int, int]) -> PoolFeature:

@@ -50,12 +50,15 @@ def validate(
 def check(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Task files (.yaml), domains (folder), grammars (.lp)."),
+        typer.Argument(metavar="FILE...", help="Task files (.yaml), domains (folder), grammars (.lp, Prolog)."),
     ],
     json_: JsonOpt = False,
     trust: TrustOpt = False,
 ) -> None:
     """Look for mistakes in tasks, domains and grammar files; prints `file:line: message`.
+
+    A .lp file is read as a grammar, which is Prolog; the ASP files of that name (policy.lp, problems of
+    `gentamp-lp synthesize`) are no grammars.
 
     Example: `gentamp-lp check tasks/*.yaml my_rules.lp`
     """

@@ -15,7 +15,7 @@ from typing import Any
 
 import networkx as nx
 
-from gentamp_lp.solvers.prolog import quote
+from gentamp_lp.base.terms import quote_atom, quote_string
 from gentamp_lp.streams.facts import Fact
 
 _PLAIN = re.compile(r"[a-z]\w*")
@@ -73,7 +73,7 @@ class Dataset:
         lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]
         for name, sorts in self.predicates.items():
             lines.append(f"predicate({_name(name)}, [{', '.join(sorts)}]).")
-            lines.append(f'display({_name(name)}, "{self.display[name]}").')
+            lines.append(f"display({_name(name)}, {quote_string(self.display[name])}).")
         lines += [f"owner({_name(name)}, {sort}, {position})." for name, sort, position in self.owners]
         lines += [f"at_most_one({_name(name)})." for name in self.at_most_one]
         for number, problem in enumerate(self.problems):
@@ -97,7 +97,7 @@ class Dataset:
             if state.initial:
                 lines.append(f"initial({number}).")
         for number, t in enumerate(self.transitions):
-            lines.append(f'transition({number},{t.source},{t.target}). action({number},"{t.action}").')
+            lines.append(f"transition({number},{t.source},{t.target}). action({number},{quote_string(t.action)}).")
             if t.demonstrated:
                 lines.append(f"candidate({number}).")
         return "\n".join(lines) + "\n"
@@ -176,4 +176,4 @@ def _term(fact: Fact) -> str:
 
 def _name(name: str) -> str:
     """A name as a Prolog atom: PDDL allows hyphens and the like."""
-    return name if _PLAIN.fullmatch(name) else quote(name)
+    return name if _PLAIN.fullmatch(name) else quote_atom(name)

@@ -10,7 +10,6 @@ from gentamp_lp.base.fairness import LEVELS, Fairness
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.explaining.why_selected import WORDS
 from gentamp_lp.features.pool import Pool
-from gentamp_lp.features.terms import describe, split_formula
 
 _PAIRS = 3  # of states
 _STATES = 6
@@ -86,7 +85,7 @@ def _fails(attempt: Attempt, data: Dataset, pool: Pool, named: bool) -> Iterable
     if named:
         yield f"with {', '.join(str(data.transitions[t]) for t in attempt.moves.values())}:"
     for clash in attempt.clashes[:_PAIRS]:
-        features = [f"`{_feature(f, data, pool)}`" for f in clash.barred[:_FEATURES]]
+        features = [f"`{pool.texts[f]}`" for f in clash.barred[:_FEATURES]]
         more = f" and {len(clash.barred) - _FEATURES} more" if len(clash.barred) > _FEATURES else ""
         yield (
             f"the steps of states {clash.states[0]} and {clash.states[1]}, which look alike"
@@ -107,7 +106,3 @@ def _fails(attempt: Attempt, data: Dataset, pool: Pool, named: bool) -> Iterable
 
 def _states(numbers: Collection[int]) -> str:
     return f"state{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
-
-
-def _feature(number: int, data: Dataset, pool: Pool) -> str:
-    return describe(split_formula(pool.formulas[number])[2], data.display)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from gentamp_lp.base.terms import Term, parse_term
 from gentamp_lp.features.feature import Feature
-from gentamp_lp.features.terms import Term, parse_term
 from gentamp_lp.streams.facts import sort_predicate
 from gentamp_lp.streams.formula import (
     And,
@@ -32,9 +32,11 @@ def to_formula(term: str, name: str = "f") -> tuple[Formula, list[Axiom]]:
     Raises ValueError for anything else.
     """
     reader = _Reader(name)
-    if not term or term.count("(") != term.count(")"):
-        raise ValueError(f"not a formula: {term}")
-    return reader.read(parse_term(term)), reader.axioms
+    try:
+        parsed = parse_term(term)
+    except ValueError as error:
+        raise ValueError(f"not a formula: {term}: {error}") from None
+    return reader.read(parsed), reader.axioms
 
 
 _CONNECTIVES = {"neg", "conj", "disj", "implies", "some", "every", "closure", "true"}

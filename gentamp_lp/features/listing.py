@@ -10,12 +10,18 @@ from typing import Any
 
 from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_text
-from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.demonstrations.demonstrate import demonstrate
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.open_world import Openness
-from gentamp_lp.features.pool import Pool, PoolSession, Pruned, PruningEntry, Reading, check_grammars
-from gentamp_lp.features.terms import describe, split_formula
+from gentamp_lp.features.pool import (
+    Pool,
+    PoolSession,
+    Pruned,
+    PruningEntry,
+    Reading,
+    check_grammars,
+    split_formula,
+)
 from gentamp_lp.tasks.task import Task
 
 Progress = Callable[[str], None]
@@ -142,8 +148,7 @@ def list_features(
         values = session.values()
         satisfying = session.satisfying(state) if state is not None else {}
     listed = [
-        _feature(number, pool, data, openness, values[number], satisfying.get(number))
-        for number in sorted(pool.formulas)
+        _feature(number, pool, openness, values[number], satisfying.get(number)) for number in sorted(pool.formulas)
     ]
     if match is not None:
         wanted = _squeeze(match)
@@ -155,7 +160,7 @@ def list_features(
         transitions=len(data.transitions),
         state=None if state is None else data.describe(state, task.folder.domain.fluents),
         features=listed,
-        formulas=[_formula(name, given, reading, data, openness, state) for name, given, reading in readings],
+        formulas=[_formula(name, given, reading, openness, state) for name, given, reading in readings],
         pruning=pool.pruned,
         statistics=pool.statistics,
     )
@@ -181,24 +186,21 @@ def _read(session: PoolSession, text: str) -> tuple[str, str, Reading]:
 
 
 def _feature(
-    number: int, pool: Pool, data: Dataset, openness: Openness, values: list[int], satisfying: list[str] | None
+    number: int, pool: Pool, openness: Openness, values: list[int], satisfying: list[str] | None
 ) -> ListedFeature:
     variable, sort, body = split_formula(pool.formulas[number])
     cost, kind = pool.kinds[number]
     why = "" if kind == "numeric" else "closed formula" if variable is None else "at most one, by the actions"
-    text = describe(body, data.display)
     is_open = openness.is_open(body, variable, sort)
-    return ListedFeature(number, cost, kind, why, is_open, text, body, values, satisfying)
+    return ListedFeature(number, cost, kind, why, is_open, pool.texts[number], body, values, satisfying)
 
 
-def _formula(
-    name: str, given: str, reading: Reading, data: Dataset, openness: Openness, state: int | None
-) -> ListedFormula:
+def _formula(name: str, given: str, reading: Reading, openness: Openness, state: int | None) -> ListedFormula:
     variable, sort, body = split_formula(reading.formula)
     return ListedFormula(
         name=name,
         given=given,
-        formula=describe(body, data.display),
+        formula=reading.text,
         term=body,
         cost=reading.cost,
         open=openness.is_open(body, variable, sort),

@@ -1,21 +1,21 @@
-"""The feature pool: drives the Prolog program in `logic/` and writes its formulas for people."""
+"""The feature pool: drives the Prolog program in `logic/`."""
 
 from __future__ import annotations
 
 import re
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.shipped import resource
+from gentamp_lp.base.terms import Fact, quote_atom, read_facts, unquote
 from gentamp_lp.errors import Diagnostic, InputError, SolverError
-from gentamp_lp.solvers.prolog import PrologProcess, parse_diagnostics, quote
+from gentamp_lp.solvers.prolog import PrologProcess, parse_diagnostics
 
 
 @dataclass(frozen=True)
@@ -45,32 +45,29 @@ class Pool:
     """Features up to some cost, one for each qualitative behaviour on the training data.
 
     `facts` are `feature/3`, `size/2`, `pos/2`, `inc/2` and `dec/2`, legal in Prolog and in ASP; `formulas` gives the
-    text of `formula/4` for each feature.
+    term `formula/4` of each feature, `texts` how people read it, and `kinds` its cost and kind (boolean or numeric).
     """
 
     facts: str
     formulas: dict[int, str]
+    texts: dict[int, str]
+    kinds: dict[int, tuple[int, str]]
     size: int
     statistics: dict[str, float | int]
     pruned: tuple[Pruned, ...] = ()
-
-    @cached_property
-    def kinds(self) -> dict[int, tuple[int, str]]:
-        """Cost and kind (boolean or numeric) of each feature."""
-        rows = re.findall(r"\bfeature\((\d+),(\d+),(\w+)\)", self.facts)
-        return {int(number): (int(cost), kind) for number, cost, kind in rows}
 
 
 @dataclass(frozen=True)
 class Reading:
     """A feature that somebody wrote down, evaluated exactly and looked up in the pool.
 
-    `formula` is the text of `formula/4`; `satisfying` has the entities counted in each state (nothing for a closed
-    formula); `match` is the number of a feature of the pool, and `how` says in what sense (`pool_formula/1` in
-    `logic/pool.pl`).
+    `formula` is the term `formula/4`, and `text` how people read it; `satisfying` has the entities counted in each
+    state (nothing for a closed formula); `match` is the number of a feature of the pool, and `how` says in what sense
+    (`pool_formula/1` in `logic/pool.pl`).
     """
 
     formula: str
+    text: str
     cost: int
     values: list[int]
     satisfying: dict[int, list[str]]
@@ -92,13 +89,15 @@ class PoolSession:
         self._level = -1
         self._facts: list[str] = []
         self._formulas: dict[int, str] = {}
+        self._texts: dict[int, str] = {}
+        self._kinds: dict[int, tuple[int, str]] = {}
         self._prolog = PrologProcess()
         try:
             _load(self._prolog, grammars)
             with tempfile.TemporaryDirectory() as folder:
                 data = Path(folder) / "facts.pl"
                 data.write_text(facts, encoding="utf-8")
-                self._ask(f"pool_open({quote(data)})")
+                self._ask(f"pool_open({quote_atom(data)})")
         except BaseException:
             self._prolog.__exit__()
             raise
@@ -120,7 +119,7 @@ class PoolSession:
         """The same for goals that print hundreds of megabytes."""
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "printed"
-            self._ask(f"bridge:to_file({quote(file)}, {goal})")
+            self._ask(f"bridge:to_file({quote_atom(file)}, {goal})")
             return file.read_text(encoding="utf-8")
 
     def deepen(self, cost: int) -> Pool:
@@ -131,12 +130,23 @@ class PoolSession:
         for level in range(self._level + 1, cost + 1):
             self._ask(f"pool_level({level})")
             self._facts.append(self._ask_much(f"pool_features({level})"))
-            self._formulas |= _numbered(self._ask(f"pool_formulas({level})"))
+            for number, kind, term, text in _fields(self._ask(f"pool_formulas({level})")):
+                feature = int(number)
+                self._formulas[feature], self._texts[feature] = term.rstrip("."), text
+                self._kinds[feature] = level, kind
             self._level = level
-        text = self._ask("pool_statistics")
-        statistics: dict[str, float | int] = {n: int(v) for n, v in re.findall(r"stat\((\w+),(\d+)\)", text)}
+        facts = list(read_facts(self._ask("pool_statistics")))
+        statistics: dict[str, float | int] = {f.args[0]: int(f.args[1]) for f in facts if f.name == "stat"}
         statistics["seconds"] = self._spent
-        return Pool("".join(self._facts), dict(self._formulas), len(self._formulas), statistics, _pruned(text))
+        return Pool(
+            "".join(self._facts),
+            dict(self._formulas),
+            dict(self._texts),
+            dict(self._kinds),
+            len(self._formulas),
+            statistics,
+            _pruned(facts),
+        )
 
     def values(self) -> dict[int, list[int]]:
         """Return the value of each feature in every state."""
@@ -152,11 +162,12 @@ class PoolSession:
 
         Raises InputError, with the column, for what is no formula over the predicates of the data.
         """
-        rows = _fields(self._ask(f"pool_formula({quote(text)})"))
-        single = {row[0]: row[1] for row in rows if len(row) == 2}
+        rows = _fields(self._ask(f"pool_formula({quote_atom(text)})"))
+        single = {row[0]: row[1] for row in rows if row[0] != "satisfying"}
         match, how = single["match"].split()
         return Reading(
             formula=single["formula"].rstrip("."),
+            text=next(row[2] for row in rows if row[0] == "formula"),
             cost=int(single["cost"]),
             values=[int(v) for v in single["values"].split()],
             satisfying={int(row[1]): row[2].split() for row in rows if row[0] == "satisfying"},
@@ -169,10 +180,18 @@ def _fields(rows: str) -> list[list[str]]:
     return [row.split("\t") for row in rows.splitlines()]
 
 
-def _pruned(text: str) -> tuple[Pruned, ...]:
+def split_formula(formula: str) -> tuple[str | None, str | None, str]:
+    """Variable, sort and body of `formula(Id,Variable,Sort,Body)`; a closed formula has no variable."""
+    _, variable, sort, body = formula.removeprefix("formula(").removesuffix(")").split(",", 3)
+    return (None, None, body) if variable == "none" else (variable, unquote(sort), body)
+
+
+def _pruned(facts: Iterable[Fact]) -> tuple[Pruned, ...]:
     rows: dict[tuple[str, str], dict[str, int]] = {}
-    for level, rule, what, number in re.findall(r"pruned\((\w+),(\w+),(\w+),(\d+)\)", text):
-        rows.setdefault((level, rule), {})[what] = int(number)
+    for fact in facts:
+        if fact.name == "pruned":
+            level, rule, what, number = fact.args
+            rows.setdefault((level, rule), {})[what] = int(number)
     return tuple(Pruned(level, rule, counts) for (level, rule), counts in rows.items())
 
 
@@ -209,7 +228,7 @@ def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
                 )
         files = [resource("logic", "grammar.lp"), *(path.absolute() for path in grammars)]
         try:
-            diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote, files))}])"))
+            diagnostics = parse_diagnostics(prolog.text(f"pool_grammar([{', '.join(map(quote_atom, files))}])"))
         except SolverError as error:
             if not grammars:
                 raise
@@ -217,8 +236,3 @@ def _load(prolog: PrologProcess, grammars: Sequence[Path]) -> None:
             raise InputError(*(Diagnostic(f"not a grammar: {error}", path, hint=hint) for path in grammars)) from error
     if diagnostics:
         raise InputError(*diagnostics)
-
-
-def _numbered(lines: str) -> dict[int, str]:
-    formulas = [line.rstrip(".") for line in lines.splitlines()]
-    return {int(formula[len("formula(") : formula.index(",")]): formula for formula in formulas}

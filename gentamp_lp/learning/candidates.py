@@ -9,8 +9,7 @@ from gentamp_lp.abstraction.choose import NoPolicy, Solution, synthesize_policy
 from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.errors import LimitReached, NoAnswer
 from gentamp_lp.explaining.why_no_policy import absence
-from gentamp_lp.features.pool import Pool, deepen
-from gentamp_lp.features.terms import describe, split_formula
+from gentamp_lp.features.pool import Pool, deepen, split_formula
 from gentamp_lp.learning.run import Run
 from gentamp_lp.policy.policy import Policy
 
@@ -104,7 +103,7 @@ def _policy(run: Run, data: Dataset, pool: Pool, solution: Solution) -> Policy:
         solution,
         solution.theory.evidence,
         {f: body for f, (_, _, body) in parts.items()},
-        {f: describe(body, data.display) for f, (_, _, body) in parts.items()},
+        {f: pool.texts[f] for f in solution.features},
         task=run.task.name,
         variables={f: (variable, sort) for f, (variable, sort, _) in parts.items()},
         extra={"sorts": data.predicates},

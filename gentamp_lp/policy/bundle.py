@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gentamp_lp.base.fairness import LEVELS
 from gentamp_lp.base.reading import read_text
+from gentamp_lp.base.terms import quote_string, read_facts, unquote
 from gentamp_lp.base.writing import writing
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.features.axioms import to_formula
@@ -40,7 +40,6 @@ _FEATURES = """\
 """
 _WORDS = {"boolean": ("false", "true"), "numeric": ("zero", "positive")}
 _EFFECTS = {"boolean": ("true", "false"), "numeric": ("increase", "decrease")}
-_TOKEN = re.compile(r"%[^\n]*|\s+|\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.|'')*'|\w+|.", re.DOTALL)
 
 
 def save(policy: PolicyGraph, folder: Path, *, domain_pddl: str, stream_pddl: str, report: dict[str, Any]) -> None:
@@ -116,14 +115,15 @@ def policy_facts(policy: PolicyGraph) -> str:
     states = named_states(policy)
     name = {valuation: state for state, valuation, _ in reversed(states)}
     kind = {feature.name: feature.kind for feature in policy.features}
-    lines = [_HEADER, f"task({_quote(policy.task)}).", f"fairness({_quote(policy.fairness)})."]
+    lines = [_HEADER, f"task({quote_string(policy.task)}).", f"fairness({quote_string(policy.fairness)})."]
     lines += [f"cost({policy.cost}).  bound({policy.bound}).  optimal({'yes' if policy.optimal else 'no'})."]
-    lines += [f"extra({_quote(k)}, {_quote(json.dumps(v, ensure_ascii=False))})." for k, v in policy.extra.items()]
+    extra = {name: json.dumps(value, ensure_ascii=False) for name, value in policy.extra.items()}
+    lines += [f"extra({quote_string(name)}, {quote_string(value)})." for name, value in extra.items()]
     lines.append("")
-    lines += [f"feature({f.name}, {f.kind}, {f.cost}, {_quote(f.text)})." for f in policy.features]
+    lines += [f"feature({f.name}, {f.kind}, {f.cost}, {quote_string(f.text)})." for f in policy.features]
     for action in policy.actions:
         lines += ["", f"action({action.name})."]
-        lines += [f"schema({action.name}, {_quote(schema)})." for schema in action.schemas]
+        lines += [f"schema({action.name}, {quote_string(schema)})." for schema in action.schemas]
         for feature, positive in action.preconditions.items():
             lines.append(f"precondition({action.name}, {feature}, {_WORDS[kind[feature]][positive]}).")
         lines += [f"effect({action.name}, {feature}, {word})." for feature, word in action.effects.items()]
@@ -234,11 +234,9 @@ class _Reader:
         self.path = path
         text = read_text(path)
         self._facts: dict[str, list[_Row]] = {}
-        for name, line, arguments in read_facts(text, self._at):
-            self._facts.setdefault(name, []).append(_Row(path, line, arguments))
-
-    def _at(self, line: int, message: str) -> InputError:
-        return InputError(Diagnostic(message, path=self.path, line=line))
+        for fact in read_facts(text, path):
+            arguments = tuple(unquote(text) if text.startswith('"') else text for text in fact.args)
+            self._facts.setdefault(fact.name, []).append(_Row(path, fact.line, arguments))
 
     def error(self, message: str) -> InputError:
         return InputError(Diagnostic(message, path=self.path))
@@ -260,44 +258,6 @@ class _Reader:
         if digits:
             rows[0].number(0)
         return rows[0].known(0, sorted(allowed)) if allowed else rows[0].arguments[0]
-
-
-def read_facts(text: str, error: Callable[[int, str], InputError]) -> Iterable[tuple[str, int, tuple[str, ...]]]:
-    """Yield (predicate, line, arguments) for each fact; strings lose their quotes, other terms stay as text."""
-    line, depth, begun, name, current = 1, 0, 1, "", ""
-    arguments: list[str] = []
-    for token in _TOKEN.findall(text):
-        if token.startswith("%") or (depth == 0 and token.isspace()):
-            pass
-        elif depth == 0:
-            if not name and re.fullmatch(r"[a-z]\w*", token):
-                name, begun = token, line
-            elif name and token == "(" and not arguments:
-                depth = 1
-            elif name and token == ".":
-                yield name, begun, tuple(_unquote(argument) for argument in arguments)
-                name, arguments = "", []
-            else:
-                raise error(line, f"want facts, name(arguments) and a dot; found {token}")
-        elif depth == 1 and token in (",", ")"):
-            if not current.strip():
-                raise error(line, f"empty argument of {name}")
-            arguments.append(current.strip())
-            depth, current = int(token == ","), ""
-        else:
-            current += token
-            depth += {"(": 1, "[": 1, ")": -1, "]": -1}.get(token, 0)
-        line += token.count("\n")
-    if name:
-        raise error(begun, f"{name}: fact without an end")
-
-
-def _unquote(term: str) -> str:
-    return re.sub(r"\\(.)", lambda m: {"n": "\n"}.get(m[1], m[1]), term[1:-1]) if term.startswith('"') else term
-
-
-def _quote(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
 
 
 def _feature(row: _Row, formulas: dict[str, _Row], folder: Path) -> Feature:

@@ -1,7 +1,7 @@
 """SWI-Prolog: in this process, or in a child that can be stopped and cannot eat all memory.
 
 The only module that imports pyswip. Data go in and come out as text, because moving terms one by one
-through pyswip is slow; goals are written by us, never by users (quote names with `quote`).
+through pyswip is slow; goals are written by us, never by users (quote names with `quote_atom`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from gentamp_lp.base.shipped import resource
+from gentamp_lp.base.terms import quote_atom
 from gentamp_lp.errors import Diagnostic, InputError, LimitReached, SolverError
 from gentamp_lp.solvers.processes import die_with_parent, module
 
@@ -25,12 +26,6 @@ _HINT = (
     "install SWI-Prolog (e.g. `apt-get install swi-prolog-nox`) and pyswip (`pip install pyswip`); "
     "where SWI-Prolog is in an unusual place, set LIBSWIPL_PATH and SWI_HOME_DIR"
 )
-
-
-def quote(text: str | Path) -> str:
-    """Write text as a Prolog atom."""
-    escaped = str(text).replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n")
-    return f"'{escaped}'"
 
 
 class Prolog:
@@ -42,7 +37,7 @@ class Prolog:
 
             self._engine: Any = Engine()
             self._ask("set_prolog_flag(encoding, utf8)")  # whatever the locale
-            self._ask(f"consult({quote(resource('logic', 'bridge.pl'))})")
+            self._ask(f"consult({quote_atom(resource('logic', 'bridge.pl'))})")
         except Exception as error:  # pyswip raises anything from OSError to SystemExit's cousins
             raise InputError(Diagnostic(f"SWI-Prolog cannot be started: {error}", hint=_HINT)) from error
 
@@ -50,7 +45,7 @@ class Prolog:
         """Load a Prolog file and return its errors and warnings."""
         if not path.is_file():
             return [Diagnostic("file not found", path)]
-        [row] = self._ask(f"bridge:load_report({quote(path)}, Lines)")
+        [row] = self._ask(f"bridge:load_report({quote_atom(path)}, Lines)")
         return parse_diagnostics(_text(row["Lines"]))
 
     def holds(self, goal: str) -> bool:
@@ -71,7 +66,7 @@ class Prolog:
         return [tuple(row.split("\t")) for row in output.splitlines()]
 
     def _answer(self, goal: str) -> tuple[bool, str]:
-        [row] = self._ask(f"bridge:answer({quote(goal)}, Status, Output)")
+        [row] = self._ask(f"bridge:answer({quote_atom(goal)}, Status, Output)")
         status, output = row["Status"], _text(row["Output"])
         if status == "limit":
             raise LimitReached(f"Prolog ran out of memory: {output}")

@@ -25,9 +25,9 @@ from pathlib import Path
 
 from gentamp_lp.base.reading import read_text
 from gentamp_lp.base.shipped import resource
+from gentamp_lp.base.terms import Fact, read_facts
 from gentamp_lp.errors import Diagnostic, InputError
 from gentamp_lp.solvers.asp import consequences
-from gentamp_lp.synthesis.facts import Fact, read_facts
 from gentamp_lp.synthesis.fond import parse_fond
 from gentamp_lp.synthesis.problem import Choice, Problem, reachable
 

@@ -94,13 +94,13 @@ def test_strong_is_refused_where_a_count_must_run_out():
         ("pos(9,1).", "no such feature"),
         ("goal(9).", "no such state"),
         ("candidate(9).", "no such transition"),
-        ("postition(1,1).", "not a fact of the sample"),
-        ("inc(1,1,1).", "not a fact of the sample"),
+        ("postition(1,1).", "not a fact of the training data: postition"),
+        ("inc(1,1,1).", "not a fact of the training data: inc"),
         ("feature(9,1,real).", "boolean or numeric"),
         ("transition(5,1,9).", "no such state"),
         ("inc(2,1). dec(2,1).", "contradicts the values of feature 2"),
         ("candidate(7). transition(7,2,1).", "leaves the goal state"),
-        ("what is this", "not a fact of the sample"),
+        ("what is this", "expected `.`, found `is`"),
     ],
 )
 def test_bad_facts(line, message):

@@ -14,8 +14,7 @@ from gentamp_lp.demonstrations.dataset import Dataset, Problem, SeenState, Trans
 from gentamp_lp.demonstrations.demonstrate import cache_path, demonstrate, short_plan
 from gentamp_lp.demonstrations.recorder import Recorder
 from gentamp_lp.features.axioms import to_formula
-from gentamp_lp.features.pool import generate_pool
-from gentamp_lp.features.terms import split_formula
+from gentamp_lp.features.pool import generate_pool, split_formula
 from gentamp_lp.learning.learn import Learned
 from gentamp_lp.solvers.asp import GroundProgram
 from gentamp_lp.streams.facts import FactBase

@@ -9,8 +9,7 @@ from helpers.brute_force import pool_rows
 from gentamp_lp.demonstrations.dataset import Dataset, Problem
 from gentamp_lp.features.axioms import Features, to_formula
 from gentamp_lp.features.feature import Feature
-from gentamp_lp.features.pool import Pool, generate_pool
-from gentamp_lp.features.terms import split_formula
+from gentamp_lp.features.pool import Pool, generate_pool, split_formula
 from gentamp_lp.features.values import matches_effects, valuation
 from gentamp_lp.learning.learn import Learned
 from gentamp_lp.streams.facts import FactBase

@@ -11,9 +11,9 @@ import pytest
 from helpers.brute_force import State, pool_rows
 
 from gentamp_lp.base.shipped import resource
+from gentamp_lp.base.terms import parse_term
 from gentamp_lp.errors import InputError
 from gentamp_lp.features.pool import PoolSession, generate_pool
-from gentamp_lp.features.terms import describe, parse_term
 
 SORTS = ("o", "w", "g")
 
@@ -148,7 +148,7 @@ def test_values_are_those_of_first_order_semantics(seed: int) -> None:
                 if variable != "none":
                     expected = {e for e in structure.entities[problem][sort] if state.holds(body, {variable: e})}
                     assert set(reading.satisfying[number]) == expected, (text, number)
-            again = session.read(describe(reading.formula, {}))
+            again = session.read(reading.text)
             assert (again.values, again.satisfying) == (reading.values, reading.satisfying)
     assert checked >= 48
 
@@ -160,9 +160,9 @@ def test_what_the_pool_prints_is_found_in_it(seed: int) -> None:
     with PoolSession(structure.text()) as session:
         pool = session.deepen(3)
         values = session.values()
-        for number, formula in pool.formulas.items():
-            reading = session.read(describe(formula, {}))
-            assert describe(reading.formula, {}) == describe(formula, {})
+        for number, text in pool.texts.items():
+            reading = session.read(text)
+            assert reading.text == text
             assert reading.values == values[number]
             assert reading.match is not None
             assert pool.kinds[reading.match][0] <= pool.kinds[number][0]

@@ -62,7 +62,6 @@ def test_the_table_of_the_papers_features_is_true(row: tuple[str, ...]) -> None:
 def test_features_of_the_transport_base_are_read_too(tmp_path: Path) -> None:
     """Transport F6 needs predicates in the words of the paper."""
     from gentamp_lp.features.pool import PoolSession
-    from gentamp_lp.features.terms import describe
 
     facts = """sort(q). predicate(atbconf, [q]). display(atbconf, "AtBConf"). predicate(atstove, [q]).
       display(atstove, "AtStove"). problem(0). entity(0, q, q0). entity(0, q, q1). state(0, 0). state(1, 0).
@@ -72,7 +71,7 @@ def test_features_of_the_transport_base_are_read_too(tmp_path: Path) -> None:
         reading = session.read("AtBConf(y0) & AtStove(y0)")
         assert (reading.cost, reading.values, reading.satisfying) == (2, [0, 1], {0: [], 1: ["q1"]})
         assert reading.how == "same_values"
-        assert describe(reading.formula, {"atbconf": "AtBConf", "atstove": "AtStove"}) == "AtBConf(x) ∧ AtStove(x)"
+        assert reading.text == "AtBConf(x) ∧ AtStove(x)"
         assert pool.kinds[reading.match or 0][0] == 2
 
 

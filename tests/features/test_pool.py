@@ -16,10 +16,10 @@ from helpers import synthetic
 from helpers.brute_force import State, pool_rows
 from helpers.pace import at_most
 
+from gentamp_lp.base.terms import parse_term, quote_atom
 from gentamp_lp.errors import InputError, LimitReached, SolverError
 from gentamp_lp.features.pool import Pool, PoolSession, check_grammars, deepen, generate_pool
-from gentamp_lp.features.terms import describe, parse_term
-from gentamp_lp.solvers.prolog import Prolog, PrologProcess, quote
+from gentamp_lp.solvers.prolog import Prolog, PrologProcess
 from gentamp_lp.tasks.grammars import find_grammar
 
 LOGIC = Path(__file__).parents[1] / "logic"
@@ -284,7 +284,7 @@ def test_the_whole_table_adds_features_and_loses_none(tmp_path: Path) -> None:
     assert_exact(data, whole)
     with PoolSession(data.text(), grammars=[find_grammar("paper")]) as session:
         session.deepen(3)
-        lost = [f for f in pool.formulas.values() if session.read(describe(f, {})).how in ("absent", "constant")]
+        lost = [f for f in pool.texts.values() if session.read(f).how in ("absent", "constant")]
     assert lost == []
 
 
@@ -413,29 +413,9 @@ def test_goals_in_this_process() -> None:
     prolog = Prolog()
     assert prolog.rows("member(X-Y, [a-1, 'it''s'-2])", "X", "Y") == [("a", "1"), ("it's", "2")]
     assert prolog.holds("true") and not prolog.holds("fail")
-    assert prolog.text(f"write({quote(chr(39) + 'a' + chr(92))})") == "'a\\"
+    assert prolog.text(f"write({quote_atom(chr(39) + 'a' + chr(92))})") == "'a\\"
     with pytest.raises(SolverError, match="no_such_goal"):
         prolog.holds("no_such_goal")
-
-
-DISPLAY = {"on": "On", "movable": "Movable"}
-
-
-@pytest.mark.parametrize(
-    ("formula", "text"),
-    [
-        ("formula(1,v0,object,some(v1,object,conj(on(v0,v1),movable(v1))))", "∃y On(x,y) ∧ Movable(y)"),
-        ("conj(some(v1,object,on(v0,v1)),movable(v0))", "(∃y On(x,y)) ∧ Movable(x)"),
-        ("conj(neg(some(v1,object,on(v1,v0))),movable(v0))", "(¬∃y On(y,x)) ∧ Movable(x)"),
-        ("neg(conj(movable(v0),handempty))", "¬(Movable(x) ∧ handempty)"),
-        ("every(v1,object,implies(on(v1,v0),neg(movable(v1))))", "∀y On(y,x) ⇒ ¬Movable(y)"),
-        ("implies(implies(a,b),conj(disj(a,b),c))", "(a ⇒ b) ⇒ (a ∨ b) ∧ c"),
-        ("some(v1,object,some(v2,pose,on(v1,v2)))", "∃y,z On(y,z)"),
-        ("closure(v1,v2,object,on(v1,v2),v3,v0)", "{y,z | On(y,z)}⁺(w,x)"),
-    ],
-)
-def test_describe(formula: str, text: str) -> None:
-    assert describe(formula, DISPLAY) == text
 
 
 @pytest.mark.parametrize("path", sorted(LOGIC.glob("*.plt")), ids=lambda path: path.stem)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
+from gentamp_lp.base.terms import Term
 from gentamp_lp.features.pool import Pool
-from gentamp_lp.features.terms import Term
 
 
 class State:

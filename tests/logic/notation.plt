@@ -1,8 +1,8 @@
 :- use_module(library(plunit)).
 :- use_module('../../logic/notation').
-:- use_module('../../logic/facts').
-:- use_module('../../logic/engine').
-:- use_module('../../logic/evaluate').
+:- use_module('../../logic/sorts').
+:- use_module('../../logic/terms').
+:- use_module(library(random)).
 
 known('On', 2, predicate(on, [o,o])).
 known('Red', 1, predicate(red, [o])).
@@ -61,15 +61,87 @@ test(concept_heads, [forall(member(Head, ["Top(x,x)", "Top(_)", "~Top(x)", "Top(
                      throws(error(notation_error(_, _), _))]) :-
     parse_concept(Head-"Red(x)", _, _, _).
 
-hidden(at(_, _), [1]).
+spelling(Name, Shown) :- memberchk(Name-Shown0, [on-'On', movable-'Movable']), !, Shown = Shown0.
+spelling(Name, Name).
 
-test(cost, [forall(member(Text-Cost, ["Red(x)"-1, "Empty"-1, "∃y On(x,y)"-2, "∃o At(o,p)"-1, "At(_,p)"-1,
-                                      "∃o At(o,p) ∧ Red(o)"-2, "∃x Red(x)"-2, "∃y On(x,y) ∧ Red(y) ∧ Red(x)"-3,
-                                      "∃y ∀z On(x,y) ⇒ On(z,y)"-3, "Red(x) ⇒ Empty"-3, "∃y On(x,y) ⇒ Red(y)"-3])),
-            true(C == Cost), nondet]) :-
-    parse_formula(Text, Free, Parsed),
-    resolve(Parsed, [Free], known, Sorts, Formula),
-    ( Sorts = [_|_] -> V = v0 ; V = none ),
-    formula_cost(formula(V, Formula), hidden, C).
+test(printed, [forall(member(F-Text,
+         [ some(v1, o, conj(on(v0, v1), movable(v1)))-'∃y On(x,y) ∧ Movable(y)',
+           conj(some(v1, o, on(v0, v1)), movable(v0))-'(∃y On(x,y)) ∧ Movable(x)',
+           conj(neg(some(v1, o, on(v1, v0))), movable(v0))-'(¬∃y On(y,x)) ∧ Movable(x)',
+           neg(conj(movable(v0), handempty))-'¬(Movable(x) ∧ handempty)',
+           every(v1, o, implies(on(v1, v0), neg(movable(v1))))-'∀y On(y,x) ⇒ ¬Movable(y)',
+           implies(implies(a, b), conj(disj(a, b), c))-'(a ⇒ b) ⇒ (a ∨ b) ∧ c',
+           implies(a, implies(b, c))-'a ⇒ b ⇒ c',
+           conj(a, conj(b, true))-'a ∧ b ∧ ⊤',
+           some(v1, o, some(v2, pose, on(v1, v2)))-'∃y,z On(y,z)',
+           some(v1, o, every(v2, o, on(v1, v2)))-'∃y ∀z On(y,z)',
+           closure(v1, v2, o, on(v1, v2), v3, v0)-'{y,z | On(y,z)}⁺(w,x)',
+           on(v25, v26)-'On(o,v26)' ])),
+               Printed == Text]) :-
+    describe_formula(F, spelling, Printed).
+
+% Random formulas over known/3: what is printed is read back, up to the grouping of conj and disj.
+
+test(printed_is_read_back, [forall(between(1, 500, Seed)), true(Again == Flat), nondet]) :-
+    set_random(seed(Seed)),
+    random_formula(5, [v0-o], F0),
+    rename(F0, [v0-v0], F1, 1, _),
+    flat(F1, Flat),
+    describe_formula(F1, shown, Text),
+    format(string(Given), "#x: (~w) ∧ Red(x)", [Text]),
+    read_text(Given, [o]-conj(F, red(v0))),
+    flat(F, Again).
+
+shown(Name, Shown) :- known(Shown, _, predicate(Name, _)).
+
+random_formula(0, Scope, F) :- !, random_atom(Scope, F).
+random_formula(Depth, Scope, F) :-
+    D is Depth - 1,
+    random_member(Kind, [atom, neg, conj, conj, disj, implies, some, some, every, every, closure]),
+    random_formula(Kind, D, Scope, F).
+
+random_formula(atom, _, Scope, F) :- random_atom(Scope, F).
+random_formula(neg, D, Scope, neg(F)) :- random_formula(D, Scope, F).
+random_formula(Pair, D, Scope, F) :-
+    memberchk(Pair, [conj, disj, implies]),
+    random_formula(D, Scope, A),
+    random_formula(D, Scope, B),
+    F =.. [Pair,A,B].
+random_formula(Quantifier, D, Scope, F) :-
+    memberchk(Quantifier, [some, every]),
+    length(Scope, N),
+    atom_concat(b, N, V),
+    random_formula(D, [V-o|Scope], A),
+    F =.. [Quantifier,V,o,conj(red(V), A)].
+random_formula(closure, _, Scope, closure(p, q, o, on(p, q), Y, X)) :-
+    random_member(Y-o, Scope),
+    random_member(X-o, Scope).
+
+random_atom(Scope, F) :-
+    random_member(Kind, [red, on, empty, true]),
+    random_member(A-_, Scope),
+    random_member(B-_, Scope),
+    atom_of(Kind, A, B, F).
+
+atom_of(red, A, _, red(A)).
+atom_of(on, A, B, on(A, B)).
+atom_of(empty, _, _, empty).
+atom_of(true, _, _, true).
+
+% flat(+Formula, -Flat): nested conjunctions and disjunctions are lists.
+
+flat(F0, F) :-
+    functor(F0, Name, 2),
+    memberchk(Name, [conj, disj]),
+    !,
+    phrase(parts(Name, F0), Parts),
+    F =.. [Name,Parts].
+flat(F0, F) :-
+    F0 =.. [Name|Parts0],
+    maplist(flat, Parts0, Parts),
+    F =.. [Name|Parts].
+
+parts(Name, F) --> { F =.. [Name,A,B] }, !, parts(Name, A), parts(Name, B).
+parts(_, F0) --> { flat(F0, F) }, [F].
 
 :- end_tests(notation).

@@ -2,9 +2,9 @@
 
 import pytest
 
+from gentamp_lp.base.terms import read_facts
 from gentamp_lp.errors import InputError
 from gentamp_lp.synthesis import read_problem, synthesize
-from gentamp_lp.synthesis.facts import read_facts
 from gentamp_lp.synthesis.reading import parse_problem
 
 GRAPH = "state(a). state(b). initialState(a). goal(b). action(go).\ntransition(a,go,b).\n"
