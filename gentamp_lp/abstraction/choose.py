@@ -1,8 +1,8 @@
 """Choose features and moves that make a policy: one optimising ASP program with lazy clauses.
 
-The rules are in `asp/abstraction.lp` and `gentamp_lp/abstraction/lazy_clauses.py`; this module turns a sample into the
-program's facts, runs it, breaks ties, and says why when there is no answer. The lazy formulation follows D2L (Frances,
-Bonet and Geffner, AAAI 2021) in solving with few pairs and adding those that an answer violates.
+The rules are in `asp/abstraction.lp` and `gentamp_lp/abstraction/lazy_clauses.py`. This module turns training data into
+the program's facts, runs it, breaks ties, and says why when there is no answer. The lazy formulation follows D2L
+(Frances, Bonet and Geffner, AAAI 2021) in solving with few pairs and adding those that an answer violates.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import get_args
 
 from gentamp_lp.abstraction.conflict import NoPolicy, find_conflict, require_separable_goals
 from gentamp_lp.abstraction.facts import LazyPolicy, improvement_facts, relaxed_program, theory_facts
-from gentamp_lp.abstraction.observations import Evidence, parse_evidence
+from gentamp_lp.abstraction.observations import Observations, parse_observations
 from gentamp_lp.abstraction.reference import reference_program
 from gentamp_lp.abstraction.theory import Theory, compress
 from gentamp_lp.base.fairness import LEVELS, ProgramName, Unseen
@@ -45,7 +45,7 @@ class Solution:
 
 
 def synthesize_policy(
-    facts: str | Evidence,
+    facts: str | Observations,
     *,
     fairness: str = "qnp",
     unseen: str = "drop",
@@ -56,7 +56,7 @@ def synthesize_policy(
     program: str = "lazy",
     progress: Callable[[str], None] | None = None,
 ) -> Solution:
-    """Return the cheapest abstraction with a policy for every expanded state of the sample.
+    """Return the cheapest abstraction with a policy for every expanded state of the training data.
 
     `fairness` is the least that must be guaranteed: `strong` (no loop), `qnp` (every loop lowers a count it
     never raises) or `strong-cyclic` (a goal stays in reach). A falling count may reach zero or not: outcomes that
@@ -74,9 +74,9 @@ def synthesize_policy(
     _require_known(fairness, unseen, program)
     say = progress or (lambda message: None)
     clock = _Clock(time_limit)
-    evidence = parse_evidence(facts) if isinstance(facts, str) else facts
-    require_separable_goals(evidence)
-    theory = compress(evidence, fairness, unseen)
+    observations = parse_observations(facts) if isinstance(facts, str) else facts
+    require_separable_goals(observations)
+    theory = compress(observations, fairness, unseen)
     grounded = _ground(theory, program, improve, seed)
     prepared = clock.now()
     say(f"{theory.features.bit_count()} features, {len(theory.expanded)} state classes")
@@ -203,7 +203,7 @@ def _best(answers: list[Answer], theory: Theory) -> Answer:
 
 def _first_choice(theory: Theory, selected: tuple[int, ...]) -> tuple[int, ...]:
     """Return the smallest transitions that make the selected features work, state by state."""
-    evidence = theory.evidence
+    observations = theory.observations
     moves = {state.id: [move.id for move in state.moves] for state in theory.expanded}
     mask = LazyPolicy(theory).mask(selected)
     if any(len(options) > 1 for options in moves.values()):
@@ -211,13 +211,14 @@ def _first_choice(theory: Theory, selected: tuple[int, ...]) -> tuple[int, ...]:
     else:
         picked = {state: options[0] for state, options in moves.items()}
     chosen = []
-    for state, candidates in evidence.candidates.items():
-        model = evidence.transitions[picked[theory.home[state]]]
+    for state, candidates in observations.candidates.items():
+        model = observations.transitions[picked[theory.home[state]]]
         chosen.append(
             next(
                 t
                 for t in candidates
-                if not ((evidence.transitions[t].inc ^ model.inc) | (evidence.transitions[t].dec ^ model.dec)) & mask
+                if not ((observations.transitions[t].inc ^ model.inc) | (observations.transitions[t].dec ^ model.dec))
+                & mask
             )
         )
     return tuple(sorted(chosen))

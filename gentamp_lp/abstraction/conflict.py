@@ -1,4 +1,4 @@
-"""Why there is no policy: which states of the sample stand in the way."""
+"""Why there is no policy: which states of the training data stand in the way."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import islice, product
 
 from gentamp_lp.abstraction.facts import relaxed_program
 from gentamp_lp.abstraction.lazy_clauses import refute
-from gentamp_lp.abstraction.observations import Evidence
+from gentamp_lp.abstraction.observations import Observations
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits
 from gentamp_lp.errors import NoAnswer
@@ -64,17 +64,17 @@ class Attempt:
     idle: tuple[int, ...]
 
 
-def require_separable_goals(evidence: Evidence) -> None:
+def require_separable_goals(observations: Observations) -> None:
     """Raise NoPolicy if a goal state looks like another one to every feature of the pool."""
-    if not evidence.goals:
-        raise NoPolicy("the sample has no goal state")
+    if not observations.goals:
+        raise NoPolicy("the training data have no goal state")
     looks: dict[int, list[int]] = {}
-    for goal in sorted(evidence.goals):
-        looks.setdefault(evidence.states[goal], []).append(goal)
+    for goal in sorted(observations.goals):
+        looks.setdefault(observations.states[goal], []).append(goal)
     pairs = tuple(
         (looks[values][0], state)
-        for state, values in evidence.states.items()
-        if state not in evidence.goals and values in looks
+        for state, values in observations.states.items()
+        if state not in observations.goals and values in looks
     )
     if pairs:
         shown = ", ".join(f"{goal} and {other}" for goal, other in pairs[:5])
@@ -114,14 +114,14 @@ def _core(program: GroundProgram, atoms: list[Atom], limit: float) -> list[Atom]
 
 
 def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolicy:
-    evidence = theory.evidence
+    observations = theory.observations
     lines = [
         f"no abstraction of the pool has a {theory.fairness} policy for these expanded states together: "
         f"{', '.join(map(str, states))}" + ("" if minimal else " (not proved to be a smallest such set)")
     ]
     shown = [state for state in theory.expanded if state.id in states]
     for state in shown[:8]:
-        moves = sorted({evidence.schemas.get(t, f"transition {t}") for t in evidence.candidates[state.id]})
+        moves = sorted({observations.schemas.get(t, f"transition {t}") for t in observations.candidates[state.id]})
         lines.append(f"  state {state.id}: {' or '.join(moves)}")
         if all(not move.inc | move.dec for move in state.moves):
             lines.append("    no feature of the pool changes along it")
@@ -146,7 +146,7 @@ def _conflict(theory: Theory, states: tuple[int, ...], minimal: bool) -> NoPolic
 
 def _attempt(theory: Theory, choice: dict[int, int]) -> Attempt:
     """Bar what moves of states that look alike change differently, until something else goes wrong."""
-    evidence, left = theory.evidence, theory.features
+    observations, left = theory.observations, theory.features
     moves = {state.id: move for state in theory.expanded for move in state.moves if move.id == choice.get(state.id)}
     clashes: list[Clash] = []
     while (violated := refute(theory, left, choice)) and violated[0].kind == "consistency":
@@ -155,11 +155,11 @@ def _attempt(theory: Theory, choice: dict[int, int]) -> Attempt:
             pair = tuple(sorted(clause.states))
             barred[pair] = barred.get(pair, 0) | clause.unselected
         for (first, second), mask in barred.items():
-            by_cost = sorted(bits(mask), key=lambda i: evidence.features[i].cost)
-            alike = not (evidence.states[first] ^ evidence.states[second]) & theory.features
-            clashes.append(Clash((first, second), tuple(evidence.features[i].id for i in by_cost), alike))
+            by_cost = sorted(bits(mask), key=lambda i: observations.features[i].cost)
+            alike = not (observations.states[first] ^ observations.states[second]) & theory.features
+            clashes.append(Clash((first, second), tuple(observations.features[i].id for i in by_cost), alike))
             left &= ~mask
     idle = tuple(state for state, move in moves.items() if not (move.inc | move.dec) & left)
     kind = violated[0].kind if violated else ""
-    wrong = evidence.confused(left) if kind == "goal" else tuple(sorted(violated[0].states)) if violated else ()
+    wrong = observations.confused(left) if kind == "goal" else tuple(sorted(violated[0].states)) if violated else ()
     return Attempt(choice, tuple(clashes), kind, wrong, idle)

@@ -1,4 +1,4 @@
-"""A compressed sample in the vocabulary of `asp/abstraction.lp`: its facts, and its lazy conditions as clauses."""
+"""Compressed training data in the vocabulary of `asp/abstraction.lp`: its facts, and its lazy conditions as clauses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LazyPolicy:
 
     def __init__(self, theory: Theory) -> None:
         self.theory = theory
-        self._bit = {feature.id: 1 << i for i, feature in enumerate(theory.evidence.features)}
+        self._bit = {feature.id: 1 << i for i, feature in enumerate(theory.observations.features)}
         self._state = {move.id: state.id for state in theory.expanded for move in state.moves}
 
     def refute(self, true: dict[str, list[int]]) -> Iterable[tuple[str, Clause]]:
@@ -32,8 +32,8 @@ class LazyPolicy:
         choice = {self._state[move]: move for move in true["chosen"] if self._state[move] in relevant}
         for violated in refute(self.theory, self.mask(true["selected"]), choice):
             clause: list[tuple[Atom, bool]] = [(("relevant", state), False) for state in sorted(violated.states)]
-            clause += [(("selected", feature), True) for feature in self.theory.evidence.ids(violated.selected)]
-            clause += [(("selected", feature), False) for feature in self.theory.evidence.ids(violated.unselected)]
+            clause += [(("selected", feature), True) for feature in self.theory.observations.ids(violated.selected)]
+            clause += [(("selected", feature), False) for feature in self.theory.observations.ids(violated.unselected)]
             clause += [(("chosen", move), True) for move in violated.chosen]
             clause += [(("chosen", move), False) for move in violated.unchosen]
             yield violated.kind, clause
@@ -45,10 +45,10 @@ class LazyPolicy:
 
 def theory_facts(theory: Theory) -> str:
     """Return the input facts of `asp/abstraction.lp` (documented in `asp/abstraction/defined.lp`)."""
-    evidence = theory.evidence
-    name = [feature.id for feature in evidence.features]
-    lines = [f"feature({name[i]},{evidence.features[i].cost})." for i in bits(theory.features)]
-    lines += [f"size({name[i]},{evidence.features[i].size})." for i in bits(theory.features)]
+    observations = theory.observations
+    name = [feature.id for feature in observations.features]
+    lines = [f"feature({name[i]},{observations.features[i].cost})." for i in bits(theory.features)]
+    lines += [f"size({name[i]},{observations.features[i].size})." for i in bits(theory.features)]
     for state in theory.expanded:
         lines.append(f"expanded({state.id}).")
         for move in state.moves:
@@ -71,16 +71,16 @@ def improvement_facts(theory: Theory, improve: tuple[int, int] | None) -> str:
     listed = kernels(theory, *improve, _KERNELS)
     if listed is not None:
         lines.append("kernels_listed.")
-        name = [feature.id for feature in theory.evidence.features]
+        name = [feature.id for feature in theory.observations.features]
         lines += [f"kernel({k},{name[i]})." for k, mask in enumerate(listed) for i in bits(mask)]
     return "\n".join(lines)
 
 
 def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
     """Map each set of features that differ on a goal and another state to one such pair."""
-    evidence = theory.evidence
-    states = {values & theory.features: s for s, values in reversed(evidence.states.items())}
-    goals = {evidence.states[s] & theory.features: s for s in sorted(evidence.goals, reverse=True)}
+    observations = theory.observations
+    states = {values & theory.features: s for s, values in reversed(observations.states.items())}
+    goals = {observations.states[s] & theory.features: s for s in sorted(observations.goals, reverse=True)}
     return {
         goal ^ other & theory.features: (goals[goal], states[other & theory.features])
         for goal in goals
@@ -89,5 +89,5 @@ def _goal_pairs(theory: Theory) -> dict[int, tuple[int, int]]:
 
 
 def relaxed_program(theory: Theory) -> GroundProgram:
-    """Return `asp/explanation.lp` for a sample: which states the policy answers for is left to assumptions."""
+    """Return `asp/explanation.lp` for training data: which states the policy answers for is left to assumptions."""
     return GroundProgram([resource("asp", "explanation.lp")], theory_facts(theory), theory=LazyPolicy(theory))

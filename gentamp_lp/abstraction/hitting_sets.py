@@ -72,7 +72,7 @@ def kernels(theory: Theory, cheaper_than: int, deeper_than: int, most: int) -> l
 
 class _Search:
     def __init__(self, theory: Theory, cheaper_than: int, deeper_than: int, most: int) -> None:
-        self.cost = [feature.cost for feature in theory.evidence.features]
+        self.cost = [feature.cost for feature in theory.observations.features]
         self.deeper_than, self.left = deeper_than, most
         self.within = [0] * cheaper_than  # features that cost no more than the index
         for feature in bits(theory.features):

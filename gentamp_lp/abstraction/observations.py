@@ -46,7 +46,7 @@ class Transition:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Observations:
     """The training data: bit i of every mask is `features[i]`."""
 
     features: tuple[PoolFeature, ...]
@@ -82,7 +82,7 @@ class Evidence:
         )
 
 
-def parse_evidence(facts: str) -> Evidence:
+def parse_observations(facts: str) -> Observations:
     """Read the facts (predicates in `asp/reference/defined.lp`); an InputError names the line at fault."""
     rows = _rows(facts)
     sizes = {int(f): int(size) for f, size in rows["size"]}
@@ -95,7 +95,7 @@ def parse_evidence(facts: str) -> Evidence:
     positive = _masks(rows["pos"], place, states, "pos", "state")
     inc = _masks(rows["inc"], place, transitions, "inc", "transition")
     dec = _masks(rows["dec"], place, transitions, "dec", "transition")
-    evidence = Evidence(
+    observations = Observations(
         features=tuple(features),
         numeric=sum(1 << i for i, f in enumerate(features) if f.kind == "numeric"),
         states={s: positive[s] for s in sorted(states)},
@@ -106,25 +106,25 @@ def parse_evidence(facts: str) -> Evidence:
         schemas={int(t): unquote(name) for t, name in rows["action"]},
         problems={int(s): int(problem) for s, problem in rows["state"]},
     )
-    _check(evidence)
-    return evidence
+    _check(observations)
+    return observations
 
 
-def evidence_facts(evidence: Evidence, features: int) -> str:
-    """Return the facts of which `parse_evidence` makes this evidence, of the features in a mask only."""
-    known = {i: evidence.features[i] for i in bits(features)}
+def observation_facts(observations: Observations, features: int) -> str:
+    """Return the facts of which `parse_observations` makes this observations, of the features in a mask only."""
+    known = {i: observations.features[i] for i in bits(features)}
     lines = [f"feature({f.id},{f.cost},{f.kind}). size({f.id},{f.size})." for f in known.values()]
-    for state, values in evidence.states.items():
-        lines.append(f"state({state},{evidence.problems[state]}).")
+    for state, values in observations.states.items():
+        lines.append(f"state({state},{observations.problems[state]}).")
         lines += [f"pos({known[i].id},{state})." for i in bits(values & features)]
-    lines += [f"initial({state})." for state in sorted(evidence.initial)]
-    lines += [f"goal({state})." for state in sorted(evidence.goals)]
-    for t in evidence.transitions.values():
+    lines += [f"initial({state})." for state in sorted(observations.initial)]
+    lines += [f"goal({state})." for state in sorted(observations.goals)]
+    for t in observations.transitions.values():
         lines.append(f"transition({t.id},{t.source},{t.target}).")
         lines += [f"inc({known[i].id},{t.id})." for i in bits(t.inc & features)]
         lines += [f"dec({known[i].id},{t.id})." for i in bits(t.dec & features)]
-    lines += [f"candidate({t})." for numbers in evidence.candidates.values() for t in numbers]
-    lines += [f"action({t},{quote_string(schema)})." for t, schema in evidence.schemas.items()]
+    lines += [f"candidate({t})." for numbers in observations.candidates.values() for t in numbers]
+    lines += [f"action({t},{quote_string(schema)})." for t, schema in observations.schemas.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -179,23 +179,23 @@ def _candidates(candidates: frozenset[int], transitions: dict[int, tuple[int, in
     return {source: tuple(numbers) for source, numbers in sorted(by_source.items())}
 
 
-def _check(evidence: Evidence) -> None:
+def _check(observations: Observations) -> None:
     """Refuse data that contradict themselves: everything learned from them would be worthless."""
-    for t in evidence.transitions.values():
-        if t.source not in evidence.states or t.target not in evidence.states:
+    for t in observations.transitions.values():
+        if t.source not in observations.states or t.target not in observations.states:
             raise InputError(Diagnostic(f"transition({t.id}, {t.source}, {t.target}): no such state"))
-    for source, numbers in evidence.candidates.items():
-        if source in evidence.goals:
+    for source, numbers in observations.candidates.items():
+        if source in observations.goals:
             raise InputError(Diagnostic(f"candidate({numbers[0]}) leaves the goal state {source}"))
         for number in numbers:
-            t = evidence.transitions[number]
-            before, after = evidence.states[t.source], evidence.states[t.target]
-            boolean = ~evidence.numeric
+            t = observations.transitions[number]
+            before, after = observations.states[t.source], observations.states[t.target]
+            boolean = ~observations.numeric
             wrong = (t.inc & t.dec) | (t.inc & ~after) | (t.dec & ~before)
             wrong |= boolean & ((t.inc & before) | (t.dec & after))
             wrong |= (before ^ after) & ~(t.inc | t.dec)
             if wrong:
-                feature = evidence.ids(wrong)[0]
+                feature = observations.ids(wrong)[0]
                 raise InputError(
                     Diagnostic(
                         f"transition {number} contradicts the values of feature {feature}",

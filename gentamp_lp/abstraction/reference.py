@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gentamp_lp.abstraction.observations import evidence_facts
+from gentamp_lp.abstraction.observations import observation_facts
 from gentamp_lp.abstraction.theory import Theory
 from gentamp_lp.base.bitsets import bits
 from gentamp_lp.base.shipped import resource
@@ -24,10 +24,10 @@ def reference_program(theory: Theory, improve: tuple[int, int] | None, options: 
     """
     _require_small(theory)
     files = [resource("asp", "reference.lp")]
-    facts = evidence_facts(theory.evidence, theory.features) + "#project selected/1.\n"
+    facts = observation_facts(theory.observations, theory.features) + "#project selected/1.\n"
     if improve is not None:
         files += [resource("asp", "abstraction", name) for name in ("improve.lp", "forbid.lp")]
-        known = [theory.evidence.features[i] for i in bits(theory.features)]
+        known = [theory.observations.features[i] for i in bits(theory.features)]
         facts += "".join(f"feature({feature.id},{feature.cost}).\n" for feature in known)
         facts += f"cheaper_than({improve[0]}). deeper_than({improve[1]}).\n"
     constants = (f"fairness={theory.fairness.replace('-', '_')}", f"unseen={theory.unseen}")
@@ -37,8 +37,8 @@ def reference_program(theory: Theory, improve: tuple[int, int] | None, options: 
 
 
 def _require_small(theory: Theory) -> None:
-    features, states = theory.features.bit_count(), len(theory.evidence.states)
-    expanded = len(theory.evidence.candidates)
+    features, states = theory.features.bit_count(), len(theory.observations.states)
+    expanded = len(theory.observations.candidates)
     rounds = min(theory.numeric.bit_count(), expanded)  # of SIEVE, see asp/reference/termination.lp
     if features * states**2 + rounds * expanded**3 > LARGEST:
         raise LimitReached(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gentamp_lp.abstraction.observations import Evidence
+from gentamp_lp.abstraction.observations import Observations
 from gentamp_lp.base.bitsets import transpose
 
 
@@ -28,9 +28,9 @@ class Expanded:
 
 @dataclass(frozen=True)
 class Theory:
-    """The sample in classes; `features` is the mask of one cheapest feature of each class of features."""
+    """The training data in classes; `features` is the mask of one cheapest feature of each class of features."""
 
-    evidence: Evidence
+    observations: Observations
     features: int
     numeric: int
     expanded: tuple[Expanded, ...]
@@ -46,47 +46,47 @@ class Theory:
         return ((move.inc & ~values) | (move.dec & ~self.numeric & values) | same) & self.features
 
 
-def compress(evidence: Evidence, fairness: str, unseen: str = "drop") -> Theory:
+def compress(observations: Observations, fairness: str, unseen: str = "drop") -> Theory:
     """Merge what no data tells apart; the answer is the same, the problem smaller."""
-    moves = [evidence.transitions[t] for numbers in evidence.candidates.values() for t in numbers]
-    width = len(evidence.features)
+    moves = [observations.transitions[t] for numbers in observations.candidates.values() for t in numbers]
+    width = len(observations.features)
     columns = zip(
-        transpose(list(evidence.states.values()), width),
+        transpose(list(observations.states.values()), width),
         transpose([move.inc for move in moves], width),
         transpose([move.dec for move in moves], width),
         strict=True,
     )
-    everywhere = (1 << len(evidence.states)) - 1
+    everywhere = (1 << len(observations.states)) - 1
     best: dict[tuple[int, ...], tuple[int, int, int]] = {}
     for i, column in enumerate(columns):
         if column[0] in (0, everywhere) and not column[1] and not column[2]:
             continue  # it never tells anything
-        key = (evidence.numeric >> i & 1, *column)
-        rank = (evidence.features[i].cost, evidence.features[i].size, i)
+        key = (observations.numeric >> i & 1, *column)
+        rank = (observations.features[i].cost, observations.features[i].size, i)
         best[key] = min(best.get(key, rank), rank)
     features = sum(1 << i for *_, i in best.values())
-    return _states(evidence, features, fairness, unseen)
+    return _states(observations, features, fairness, unseen)
 
 
-def _states(evidence: Evidence, features: int, fairness: str, unseen: str) -> Theory:
+def _states(observations: Observations, features: int, fairness: str, unseen: str) -> Theory:
     known: dict[tuple[int, frozenset[tuple[int, int]]], Expanded] = {}
     home: dict[int, int] = {}
-    for number, candidates in evidence.candidates.items():
-        values = evidence.states[number] & features
+    for number, candidates in observations.candidates.items():
+        values = observations.states[number] & features
         classes: dict[tuple[int, int], Move] = {}
-        for t in (evidence.transitions[candidate] for candidate in candidates):
+        for t in (observations.transitions[candidate] for candidate in candidates):
             change = (t.inc & features, t.dec & features)
             classes.setdefault(change, Move(t.id, *change))
         key = (values, frozenset(classes))
         home[number] = known.setdefault(key, Expanded(number, values, tuple(classes.values()))).id
     valuations = {state.values for state in known.values()}
     return Theory(
-        evidence,
+        observations,
         features,
-        evidence.numeric & features,
+        observations.numeric & features,
         tuple(known.values()),
-        tuple(sorted({evidence.states[s] & features for s in evidence.frontier} - valuations)),
-        tuple(sorted({evidence.states[s] & features for s in evidence.goals})),
+        tuple(sorted({observations.states[s] & features for s in observations.frontier} - valuations)),
+        tuple(sorted({observations.states[s] & features for s in observations.goals})),
         fairness,
         unseen,
         home,

@@ -173,13 +173,13 @@ def run_job(job: Job) -> Row:
 def commit() -> str:
     """The commit of the source tree that runs, with `+` when it was changed; empty outside a repository."""
     here = Path(__file__).parent
-    told = [
+    answers = [
         subprocess.run(["git", *command], cwd=here, capture_output=True, text=True, check=False)
         for command in (("rev-parse", "--short=12", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
     ]
-    if any(done.returncode for done in told):
+    if any(done.returncode for done in answers):
         return ""
-    return told[0].stdout.strip() + "+" * bool(told[1].stdout.strip())
+    return answers[0].stdout.strip() + "+" * bool(answers[1].stdout.strip())
 
 
 def machine() -> str:
@@ -231,8 +231,8 @@ def run(
             row = future.result()
             append(path, row)
             rows.append(row)
-            told = f"{row.seconds:.2f} s" if row.valid else row.reason or "invalid"
-            progress(f"{number}/{len(wanted)} {row.task} {row.size} seed {row.seed} {row.mode}: {told}")
+            outcome = f"{row.seconds:.2f} s" if row.valid else row.reason or "invalid"
+            progress(f"{number}/{len(wanted)} {row.task} {row.size} seed {row.seed} {row.mode}: {outcome}")
     finally:
         for future in futures:
             future.cancel()

@@ -33,7 +33,7 @@ def main() -> None:
         try:
             app()
         finally:
-            sys.stdout.flush()  # while its failure can be told
+            sys.stdout.flush()  # while its failure can be reported
     except GentampError as error:
         messages.print(str(error) if isinstance(error, InputError) else f"error: {error}")
         sys.exit(error.exit_code)

@@ -59,15 +59,15 @@ def explain(policy: Policy, folder: Path, name: str | None = None) -> list[Expla
     if not chosen:
         names = ", ".join(f.name for f in policy.features)
         raise InputError(Diagnostic(f"the policy has no feature `{name}`", folder, hint=f"it has {names}"))
-    told = {row["name"]: row for row in read_report(folder).get("features", ())}
+    known = {row["name"]: row for row in read_report(folder).get("features", ())}
     return [
         ExplainedFeature(
             name=f.name,
             formula=f.text or f.formula,
             kind=f.kind,
             cost=f.cost,
-            open=told.get(f.name, {}).get("open"),
-            why=told.get(f.name, {}).get("why", ""),
+            open=known.get(f.name, {}).get("open"),
+            why=known.get(f.name, {}).get("why", ""),
             used=_uses(policy, f),
         )
         for f in chosen

@@ -20,7 +20,7 @@ _FEATURES = 3
 def absence(
     failure: NoPolicy, data: Dataset, pool: Pool, complexity: int, fairness: Fairness, fluents: Collection[str]
 ) -> str:
-    """The failure told with the states of `data` and the features of `pool`; `fluents` say where states differ."""
+    """The failure in terms of the states of `data` and the features of `pool`; `fluents` say where states differ."""
     if failure.pairs:
         lines, differ = _goals(failure, data, fluents)
     elif failure.states:

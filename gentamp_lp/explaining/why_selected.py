@@ -29,7 +29,7 @@ def reasons(
     `describe` says what a feature is in a state, given their numbers; `step` says which step the policy takes.
     """
     theory = solution.theory
-    bit = {feature: 1 << theory.evidence.bit(feature) for feature in solution.features}
+    bit = {feature: 1 << theory.observations.bit(feature) for feature in solution.features}
     everything = reduce(or_, bit.values(), 0)
     choice = _choice(theory, solution)
     return {
@@ -42,7 +42,7 @@ def _choice(theory: Theory, solution: Solution) -> dict[int, int]:
     """The chosen move of each class of expanded states."""
     moves = {state.id: state.moves for state in theory.expanded}
     choice: dict[int, int] = {}
-    for step in (theory.evidence.transitions[t] for t in solution.chosen):
+    for step in (theory.observations.transitions[t] for t in solution.chosen):
         state, change = theory.home[step.source], (step.inc & theory.features, step.dec & theory.features)
         choice.setdefault(state, next(move.id for move in moves[state] if (move.inc, move.dec) == change))
     return choice
@@ -61,7 +61,7 @@ def _reason(
         return "it is not needed on the training data"
     kind = violated[0].kind
     if kind == "goal":
-        goal, state = theory.evidence.confused(others)
+        goal, state = theory.observations.confused(others)
         rivals = _rivals(theory, violated, feature)
         return f"without it, {describe(goal)}, looks like {describe(state)}{rivals}"
     states = sorted(violated[0].states)
@@ -77,7 +77,7 @@ def _reason(
 def _rivals(theory: Theory, violated: list[LazyClause], feature: int) -> str:
     """How many other features of the pool would do what this one does for the goal, and how cheap they are."""
     able = reduce(lambda mask, clause: mask & clause.selected, violated, theory.features) & ~feature
-    costs = sorted(theory.evidence.features[i].cost for i in range(able.bit_length()) if able >> i & 1)
+    costs = sorted(theory.observations.features[i].cost for i in range(able.bit_length()) if able >> i & 1)
     if not costs:
         return "; no other feature of the pool tells them apart"
     return f"; {len(costs)} other feature(s) of the pool would tell them apart, at a cost of {costs[0]} or more"

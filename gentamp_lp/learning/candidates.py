@@ -101,7 +101,7 @@ def _policy(run: Run, data: Dataset, pool: Pool, solution: Solution) -> Policy:
     parts = {f: split_formula(pool.formulas[f]) for f in solution.features}
     return Policy.from_solution(
         solution,
-        solution.theory.evidence,
+        solution.theory.observations,
         {f: body for f, (_, _, body) in parts.items()},
         {f: pool.texts[f] for f in solution.features},
         task=run.task.name,

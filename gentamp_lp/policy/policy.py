@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gentamp_lp.abstraction.choose import Solution
-from gentamp_lp.abstraction.observations import Evidence, evidence_facts, parse_evidence
+from gentamp_lp.abstraction.observations import Observations, observation_facts, parse_observations
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.policy.bundle import load, save
@@ -32,7 +32,7 @@ class Policy(PolicyGraph):
     def from_solution(
         cls,
         solution: Solution,
-        facts: str | Evidence,
+        facts: str | Observations,
         formulas: Mapping[int, str],
         texts: Mapping[int, str],
         *,
@@ -41,8 +41,8 @@ class Policy(PolicyGraph):
         extra: Mapping[str, Any] | None = None,
     ) -> Policy:
         """Build the policy that a solution describes; `variables` maps a feature to its variable and sort."""
-        evidence = parse_evidence(facts) if isinstance(facts, str) else facts
-        return _Builder(solution, evidence).build(formulas, texts, task, variables or {}, dict(extra or {}))
+        observations = parse_observations(facts) if isinstance(facts, str) else facts
+        return _Builder(solution, observations).build(formulas, texts, task, variables or {}, dict(extra or {}))
 
     @classmethod
     def load(cls, folder: Path | str) -> Policy:
@@ -96,13 +96,13 @@ class Policy(PolicyGraph):
 class _Builder:
     """The answer of `asp/policy.lp`, in the order of a walk, with names: f1, ... for features, a1, ... for actions."""
 
-    def __init__(self, solution: Solution, evidence: Evidence) -> None:
-        self.solution, self.evidence = solution, evidence
+    def __init__(self, solution: Solution, observations: Observations) -> None:
+        self.solution, self.observations = solution, observations
         self.names: dict[Term, str] = {feature: f"f{i}" for i, feature in enumerate(solution.features, 1)}
-        mask = sum(1 << evidence.bit(feature) for feature in solution.features)
+        mask = sum(1 << observations.bit(feature) for feature in solution.features)
         chosen = [f"selected({feature})." for feature in solution.features]
         chosen += [f"chosen({number})." for number in solution.chosen]
-        facts = evidence_facts(evidence, mask) + "\n".join(chosen)
+        facts = observation_facts(observations, mask) + "\n".join(chosen)
         self.found = defaultdict(list, deduce([resource("asp", "policy.lp")], facts))
         self.valuation: dict[Term, Valuation] = defaultdict(tuple)
         for state, _, word in self.found["value"]:
@@ -116,7 +116,7 @@ class _Builder:
         variables: Mapping[int, tuple[str | None, str | None]],
         extra: dict[str, Any],
     ) -> Policy:
-        known = {feature.id: feature for feature in self.evidence.features}
+        known = {feature.id: feature for feature in self.observations.features}
         features = tuple(
             Feature(name, known[i].kind, known[i].cost, formulas[i], *variables.get(i, (None, None)), texts[i])
             for i, name in zip(self.solution.features, self.names.values(), strict=True)

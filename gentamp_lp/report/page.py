@@ -40,8 +40,8 @@ def report(
     if task.name != policy.task:
         what = "task" if plan is None else "plan"
         raise InputError(Diagnostic(f"the {what} is for task `{task.name}`, the policy for `{policy.task}`", folder))
-    told = read_report(folder)
-    settings = told.get("settings", {})
+    learned = read_report(folder)
+    settings = learned.get("settings", {})
     seed, robot, around = settings.get("seed", 0), settings.get("robot"), settings.get("around", True)
     data = demonstrate(
         task, seed=seed, robot=robot, around=around, cache=cache, time_limit=time_limit, progress=progress
@@ -69,10 +69,10 @@ def report(
                 for step in policy.certificate
             ],
             "runs": runs,
-            "numbers": {name: told[name] for name in _NUMBERS if told.get(name) is not None},
-            "seconds": told.get("seconds", {}),
-            "pruning": told.get("pruning", []),
-            "notes": [*told.get("notes", []), *_differs(data, told)],
+            "numbers": {name: learned[name] for name in _NUMBERS if learned.get(name) is not None},
+            "seconds": learned.get("seconds", {}),
+            "pruning": learned.get("pruning", []),
+            "notes": [*learned.get("notes", []), *_differs(data, learned)],
         }
     )
 
@@ -131,9 +131,9 @@ def _planned(policy: Policy, task: Task, plan: Plan, progress: Progress) -> dict
     return _run(title, states, {"viewer": made.viewer, "frames": made.frames, "camera": camera})
 
 
-def _differs(data: Dataset, told: Any) -> list[str]:
+def _differs(data: Dataset, learned: Any) -> list[str]:
     """Say when other demonstrations were learned from than the ones shown."""
-    seen = told.get("states"), told.get("transitions")
+    seen = learned.get("states"), learned.get("transitions")
     if None in seen or seen == (len(data.states), len(data.transitions)):
         return []
     return [

@@ -10,7 +10,7 @@ from helpers.brute import Sample
 from gentamp_lp.abstraction.choose import NoPolicy, synthesize_policy
 from gentamp_lp.abstraction.facts import theory_facts
 from gentamp_lp.abstraction.lazy_clauses import refute
-from gentamp_lp.abstraction.observations import evidence_facts, parse_evidence
+from gentamp_lp.abstraction.observations import observation_facts, parse_observations
 from gentamp_lp.abstraction.theory import compress
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.solvers.asp import GroundProgram
@@ -91,18 +91,18 @@ def test_a_candidate_is_refuted_exactly_where_the_reference_forbids_it(fairness,
     verdicts = Counter()
     for seed in range(250):
         rng = random.Random(80_000 + seed)
-        evidence = parse_evidence(Sample(rng, features=(2, 4)).facts())
-        theory = compress(evidence, fairness, unseen)
+        observations = parse_observations(Sample(rng, features=(2, 4)).facts())
+        theory = compress(observations, fairness, unseen)
         selection = theory.features & rng.choice([rng.getrandbits(8), -1, -1])
         moves = {state.id: rng.choice(state.moves) for state in theory.expanded}
         chosen = [
-            next(t for t in options if same_change(evidence.transitions[t], moves[theory.home[s]], theory.features))
-            for s, options in evidence.candidates.items()
+            next(t for t in options if same_change(observations.transitions[t], moves[theory.home[s]], theory.features))
+            for s, options in observations.candidates.items()
         ]
-        fixed = [f":- selected({f}).\n" for f in evidence.ids(theory.features & ~selection)]
-        fixed += [f":- not selected({f}).\n" for f in evidence.ids(selection)]
+        fixed = [f":- selected({f}).\n" for f in observations.ids(theory.features & ~selection)]
+        fixed += [f":- not selected({f}).\n" for f in observations.ids(selection)]
         fixed += [f":- not chosen({transition}).\n" for transition in chosen]
-        facts = evidence_facts(evidence, theory.features) + "".join(fixed)
+        facts = observation_facts(observations, theory.features) + "".join(fixed)
         program = GroundProgram([resource("asp", "reference.lp")], facts, options=constants)
         allowed = bool(program.solve(optimize=False).answers)
         idle = any(not (move.inc | move.dec) & selection for move in moves.values())  # asp/abstraction/moves.lp
@@ -121,7 +121,7 @@ def test_covers_are_consequences():
     rows = 0
     for seed in range(300):
         sample = Sample(random.Random(20_000 + seed))
-        theory = compress(parse_evidence(sample.facts()), "qnp")
+        theory = compress(parse_observations(sample.facts()), "qnp")
         pairs = {}
         for line in theory_facts(theory).splitlines():
             if line.startswith("tells("):
@@ -165,7 +165,7 @@ def test_fewer_features_than_the_pool_are_considered_after_merging():
     facts = "state(1,1). state(2,1). goal(2). transition(1,1,2). candidate(1).\n" + "\n".join(
         f"feature({f},{f},boolean). pos({f},1). dec({f},1)." for f in (1, 2, 3)
     )
-    theory = compress(parse_evidence(facts), "qnp")
+    theory = compress(parse_observations(facts), "qnp")
     assert theory.features == 1
     assert refute(replace(theory, fairness="strong"), 1, {1: 1}) == []
 

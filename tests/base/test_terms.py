@@ -34,7 +34,7 @@ def spread(rng: random.Random, text: str) -> str:
     for before, character in zip(" " + text, text, strict=False):
         if character in "'\"" and before != "\\" and quoted in ("", character):
             quoted = "" if quoted else character
-        blank = rng.choice([" ", "\n", "% a(b). \"\n", "%* two\n' lines *%"])
+        blank = rng.choice([" ", "\n", '% a(b). "\n', "%* two\n' lines *%"])
         parts.append(character + blank * (not quoted and character in "(,)"))
     return "".join(parts)
 

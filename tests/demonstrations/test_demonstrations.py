@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gentamp_lp.abstraction.observations import parse_evidence
+from gentamp_lp.abstraction.observations import parse_observations
 from gentamp_lp.demonstrations import demonstrate as demonstrations
 from gentamp_lp.demonstrations.canonical import canonical
 from gentamp_lp.demonstrations.dataset import Dataset, Problem, SeenState, Transition
@@ -212,10 +212,10 @@ def test_facts_are_read_by_both_languages(learned: Learned) -> None:
     data = learned.dataset
     pool = generate_pool(data.pool_facts(), max_cost=1)
     assert pool.size > 3
-    evidence = parse_evidence(data.policy_facts() + pool.facts)
-    assert len(evidence.states) == len(data.states) and len(evidence.transitions) == len(data.transitions)
-    assert set(evidence.schemas.values()) == {"pick", "place"}
-    assert set(evidence.goals) == {i for i, s in enumerate(data.states) if s.goal}
+    observations = parse_observations(data.policy_facts() + pool.facts)
+    assert len(observations.states) == len(data.states) and len(observations.transitions) == len(data.transitions)
+    assert set(observations.schemas.values()) == {"pick", "place"}
+    assert set(observations.goals) == {i for i, s in enumerate(data.states) if s.goal}
     assert GroundProgram([], data.policy_facts() + pool.facts).messages == []
 
 
@@ -237,7 +237,7 @@ def test_names_with_hyphens_and_capitals_are_quoted() -> None:
         assert (variable, sort) in ((None, None), ("v0", "thing"))
         used |= {atom.predicate for atom in atoms(to_formula(body)[0])}
     assert {"on-top", "arm-empty"} <= used <= {*data.predicates, "sort-thing"}
-    assert parse_evidence(data.policy_facts() + pool.facts).schemas == {0: "pick-up"}
+    assert parse_observations(data.policy_facts() + pool.facts).schemas == {0: "pick-up"}
     assert GroundProgram([], data.policy_facts() + pool.facts).messages == []
 
 

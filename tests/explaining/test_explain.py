@@ -35,16 +35,16 @@ def plan(load: Learned) -> Plan:
 
 def test_the_reasons_are_true(learned: Learned) -> None:
     """The two states named look alike to the other features, and must not."""
-    evidence = learned.solution.theory.evidence
+    observations = learned.solution.theory.observations
     for feature, number in zip(learned.policy.features, learned.solution.features, strict=True):
         why = learned.reasons[feature.name]
         first, second = (int(n) for n in re.findall(r"\bstate (\d+) \(size", why)[:2])
-        difference = evidence.states[first] ^ evidence.states[second]
-        others = [evidence.bit(f) for f in learned.solution.features if f != number]
+        difference = observations.states[first] ^ observations.states[second]
+        others = [observations.bit(f) for f in learned.solution.features if f != number]
         assert not any(difference >> bit & 1 for bit in others), why
         if "looks like" in why:
-            assert first in evidence.goals and second not in evidence.goals
-            assert difference >> evidence.bit(number) & 1
+            assert first in observations.goals and second not in observations.goals
+            assert difference >> observations.bit(number) & 1
             assert int(re.search(r"cost of (\d+) or more", why)[1]) >= 1  # type: ignore[index]
 
 

@@ -4,7 +4,7 @@ import pytest
 from helpers.worlds import LOAD_SIZES, UNSTACK_SIZES, Load, Unstack, gather
 
 from gentamp_lp.abstraction.choose import synthesize_policy
-from gentamp_lp.abstraction.observations import parse_evidence
+from gentamp_lp.abstraction.observations import parse_observations
 from gentamp_lp.policy.policy import Policy
 
 WORDS = {"boolean": ("true", "false"), "numeric": ("increase", "decrease")}
@@ -22,13 +22,13 @@ NOW = {"increase": (True,), "true": (True,), "false": (False,), "decrease": (Tru
 )
 def test_the_program_says_what_the_definitions_say(worlds):
     data = gather(worlds)
-    solution, evidence = synthesize_policy(data.facts), parse_evidence(data.facts)
+    solution, observations = synthesize_policy(data.facts), parse_observations(data.facts)
     policy = Policy.from_solution(solution, data.facts, data.texts, data.texts)
-    bits = {f"f{i}": evidence.bit(feature) for i, feature in enumerate(solution.features, 1)}
+    bits = {f"f{i}": observations.bit(feature) for i, feature in enumerate(solution.features, 1)}
     kinds = {feature.name: feature.kind for feature in policy.features}
 
     def look(state):
-        return tuple(bool(evidence.states[state] >> bit & 1) for bit in bits.values())
+        return tuple(bool(observations.states[state] >> bit & 1) for bit in bits.values())
 
     def change(move):
         moved = {name: (move.inc >> bit & 1, move.dec >> bit & 1) for name, bit in bits.items()}
@@ -38,16 +38,16 @@ def test_the_program_says_what_the_definitions_say(worlds):
         pairs = zip(bits, before, after, strict=True)
         return all(now in NOW.get(effects.get(name, ""), (value,)) for name, value, now in pairs)
 
-    chosen = [evidence.transitions[number] for number in solution.chosen]
-    seen = {look(state) for state in evidence.states}
+    chosen = [observations.transitions[number] for number in solution.chosen]
+    seen = {look(state) for state in observations.states}
     assert {rule.valuation for rule in policy.rules} == {look(move.source) for move in chosen}
-    assert set(policy.goals) == {look(state) for state in evidence.goals}
-    assert set(policy.initial) == {look(state) for state in evidence.initial}
+    assert set(policy.goals) == {look(state) for state in observations.goals}
+    assert set(policy.initial) == {look(state) for state in observations.initial}
     for move in chosen:
         rule = policy.rule_for(look(move.source))
         effects = policy.action(rule.action).effects
         assert effects == change(move)
-        assert evidence.schemas[move.id] in policy.action(rule.action).schemas
+        assert observations.schemas[move.id] in policy.action(rule.action).schemas
         assert set(rule.outcomes) == {after for after in seen if can_follow(rule.valuation, effects, after)}
     for action in policy.actions:
         where = [rule.valuation for rule in policy.rules if rule.action == action.name]
