@@ -291,7 +291,7 @@ def test_the_arm_may_not_jump_while_its_tool_stays(files: dict[str, Data]) -> No
     data = files["arm"]
     instance = Task.load("unstack").instance(data["size"], data["seed"], robot="panda")
     rows = np.array(entity(data, "reach")["configurations"])
-    plans = __import__(code.__name__ + ".plans", fromlist=["plans"])
+    plans = __import__(code.module.__name__ + ".plans", fromlist=["plans"])
     far = rows[0] + 0.5
     dense = plans._dense(instance.world, plans.Trajectory(np.array([rows[0], far]), 0.05)).configurations
     assert np.abs(np.diff(dense, axis=0)).max() <= 0.1 + 1e-9
