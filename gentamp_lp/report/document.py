@@ -41,7 +41,7 @@ class AnimatedPlan(Document):
 
     viewer: str
     """HTML"""
-    frames: list[tuple[int, dict[str, list[float]]]]
+    frames: list[tuple[int, dict[int, list[float]]]]
     """step, and position (m) and quaternion x, y, z, w of each node that moved"""
     camera: View
 

@@ -118,9 +118,9 @@ def test_a_symbol_that_is_gone_is_noticed() -> None:
     spec = importlib.util.spec_from_file_location("hooks", ROOT / "docs" / "hooks.py")
     hooks = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hooks)
-    assert hooks.line_of(ROOT / "gentamp_lp" / "learning" / "learn.py", "Learned.report") > 40
+    assert hooks.line_of(ROOT / "gentamp_lp" / "learning" / "learned.py", "Learned.report") > 40
     assert hooks.line_of(ROOT / "logic" / "grammar.lp", "conj") > 100
-    assert hooks.line_of(ROOT / "gentamp_lp" / "learning" / "learn.py", "Learned.gone") is None
+    assert hooks.line_of(ROOT / "gentamp_lp" / "learning" / "learned.py", "Learned.gone") is None
     with pytest.raises(Exception, match="gone"):
         hooks.with_lines("[`x`](../gentamp_lp/learning/learn.py) `gone`")
 
