@@ -104,7 +104,7 @@ def report(
     loaded = Task.load(task or (known.task if known else own), trust=trust)
     data = collect(policy, folder, loaded, known, cache=cache, time_limit=time_limit, progress=Progress(quiet))
     path = out or folder.absolute().with_name(f"{folder.absolute().name}-report.html")
-    text = page(data)
+    text = page(data.dump())
     write_text(path, text)
     if json_:
         print_json(PageReport(file=str(path), bytes=len(text.encode()), **dict(data)).dump())

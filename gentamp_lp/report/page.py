@@ -77,10 +77,10 @@ def report(
     )
 
 
-def page(data: PageData) -> str:
-    """The HTML file that shows what `report` collected."""
+def page(data: dict[str, Any]) -> str:
+    """The HTML file that shows what `report` collected, as JSON data."""
     parts = {name: (_PAGE / f"report.{name}").read_text(encoding="utf-8") for name in ("html", "css", "js")}
-    text = json.dumps(data.dump(), ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     return Template(parts["html"]).substitute(style=parts["css"], script=parts["js"], data=text)
 
 

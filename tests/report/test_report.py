@@ -82,7 +82,7 @@ def test_names_in_the_graph_are_escaped(unstack: Learned, tmp_path: Path) -> Non
     first, *others = unstack.policy.actions
     hostile = replace(first, schemas=('"><img src=x onerror=alert(1)>',))
     policy = replace(unstack.policy, actions=(hostile, *others))
-    assert "<img" not in report(policy, tmp_path, unstack.task, cache=False)["graph"]
+    assert "<img" not in report(policy, tmp_path, unstack.task, cache=False).graph
 
 
 def test_a_bundle_without_a_report_has_a_page(unstack: Learned, tmp_path: Path) -> None:
