@@ -188,4 +188,4 @@ def test_skeletons_are_followed_by_both_algorithms(policies: Path, tmp_path: Pat
 def test_learning_times_need_a_report(policies: Path, tmp_path: Path) -> None:
     assert learning_times({"sort": tmp_path}) == []
     (row,) = learning_times({"unstack": policies / "unstack"})
-    assert row["task"] == "unstack" and row["paper"] == 119.7
+    assert row.task == "unstack" and row.paper == 119.7
