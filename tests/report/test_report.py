@@ -89,8 +89,8 @@ def test_a_bundle_without_a_report_has_a_page(unstack: Learned, tmp_path: Path) 
     unstack.save(tmp_path / "old")
     (tmp_path / "old" / "report.json").unlink()
     shown = report(Policy.load(tmp_path / "old"), tmp_path / "old", unstack.task, cache=False)
-    assert shown["seconds"] == {} and shown["pruning"] == [] and len(shown["runs"]) == 1
-    page(shown)
+    assert shown.seconds == {} and shown.pruning == [] and len(shown.runs) == 1
+    page(shown.dump())
 
 
 def test_a_plan_of_another_task_is_refused(written: Path, unstack: Learned) -> None:
