@@ -13,10 +13,10 @@ from gentamp_lp.abstraction.observations import Observations, observation_facts,
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.policy.bundle import load, save
+from gentamp_lp.policy.certify import certify
+from gentamp_lp.policy.check import problems
 from gentamp_lp.policy.drawing import draw
-from gentamp_lp.policy.guarantee import certify
 from gentamp_lp.policy.model import AbstractAction, CertificateStep, PolicyGraph, Rule, Valuation
-from gentamp_lp.policy.verdict import problems
 from gentamp_lp.solvers.asp import Term, deduce
 
 __all__ = ["AbstractAction", "CertificateStep", "Feature", "Policy", "Rule", "Valuation"]
@@ -104,9 +104,9 @@ class _Builder:
         chosen += [f"chosen({number})." for number in solution.chosen]
         facts = observation_facts(observations, mask) + "\n".join(chosen)
         self.found = defaultdict(list, deduce([resource("asp", "policy.lp")], facts))
-        self.valuation: dict[Term, Valuation] = defaultdict(tuple)
+        self.valuations: dict[Term, Valuation] = defaultdict(tuple)
         for state, _, word in self.found["value"]:
-            self.valuation[state] += (word in ("true", "positive"),)
+            self.valuations[state] += (word in ("true", "positive"),)
 
     def build(
         self,
@@ -122,12 +122,12 @@ class _Builder:
             for i, name in zip(self.solution.features, self.names.values(), strict=True)
         )
         initial, goals = (
-            _sorted(self.valuation[state] for (state,) in self.found[name]) for name in ("initial", "goal")
+            _sorted(self.valuations[state] for (state,) in self.found[name]) for name in ("initial", "goal")
         )
-        does = {self.valuation[state]: action for state, action in self.found["rule"]}
+        does = {self.valuations[state]: action for state, action in self.found["rule"]}
         after: dict[Valuation, list[Valuation]] = {valuation: [] for valuation in does}
         for state, outcome in self.found["outcome"]:
-            after[self.valuation[state]].append(self.valuation[outcome])
+            after[self.valuations[state]].append(self.valuations[outcome])
         outcomes = {valuation: _sorted(seen) for valuation, seen in after.items()}
         order = _breadth_first(initial, outcomes)
         name = {term: f"a{i}" for i, term in enumerate(dict.fromkeys(does[valuation] for valuation in order), 1)}

@@ -1,4 +1,4 @@
-"""The check of a policy in Python, an oracle for `asp/certificate.lp`: written apart from it, and before it."""
+"""The check of a policy in Python, an oracle for `asp/certificate.lp`: written apart from it, all but `_missing` before."""
 
 from collections.abc import Mapping, Sequence
 
@@ -58,7 +58,7 @@ def problems(policy: PolicyGraph) -> list[str]:
     while more := {r.valuation for r in policy.rules if r.valuation not in safe and safe & set(r.outcomes)}:
         safe |= more
     found += [f"no goal can be reached from {policy.show(look)}" for look in sorted(known - safe, reverse=True)]
-    return found or _ends(policy, _edges(policy, actions, names), names)
+    return (found or _ends(policy, _edges(policy, actions, names), names)) + _missing(policy, names)
 
 
 def _applicable(action: AbstractAction, values: Mapping[str, bool], here: str) -> list[str]:
@@ -70,6 +70,17 @@ def _applicable(action: AbstractAction, values: Mapping[str, bool], here: str) -
     for name, word in action.effects.items():
         if (word == "true" and values[name]) or (word in ("false", "decrease") and not values[name]):
             found.append(f"{action.name} cannot make {name} {word} in {here}")
+    return found
+
+
+def _missing(policy: PolicyGraph, names: Sequence[str]) -> list[str]:
+    """Preconditions that an action lacks: the paper has all that agree where it was seen."""
+    found = []
+    for action in policy.actions:
+        where = [rule.valuation for rule in policy.rules if rule.action == action.name]
+        for i, name in enumerate(names):
+            if len({valuation[i] for valuation in where}) == 1 and name not in action.preconditions:
+                found.append(f"{action.name} has no precondition on {name}, which has one value wherever it is chosen")
     return found
 
 

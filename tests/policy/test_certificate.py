@@ -13,8 +13,8 @@ from helpers.certificate_oracle import problems
 
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
+from gentamp_lp.policy.check import SENTENCES
 from gentamp_lp.policy.policy import Policy
-from gentamp_lp.policy.verdict import SENTENCES
 from gentamp_lp.solvers.asp import deduce
 
 PROGRAM = resource("asp", "certificate.lp")
@@ -77,7 +77,6 @@ def unmet_precondition(facts, rng):
 
 
 def drop_precondition(facts, rng):
-    """Nothing wrong: the action is done where it was before, and its effects say what it needs."""
     facts.remove(pick(facts, rng, "precondition"))
 
 
@@ -155,7 +154,7 @@ KINDS = {
     drop_outcomes: {"no_outcome"},
     wrong_outcome: {"outcome", "not_closed"},
     unmet_precondition: {"precondition"},
-    drop_precondition: set(),
+    drop_precondition: {"no_precondition"},
     other_action: {"precondition", "effect", "outcome"},
     other_effect: {"effect", "outcome", "rises", "loop"},
     drop_effect: {"outcome", "loop"},

@@ -8,7 +8,7 @@ from helpers.worlds import LOAD_SIZES, UNSTACK_SIZES, Load, Unstack, gather
 
 from gentamp_lp.abstraction.choose import synthesize_policy
 from gentamp_lp.errors import InputError
-from gentamp_lp.policy.guarantee import certify
+from gentamp_lp.policy.certify import certify
 from gentamp_lp.policy.model import CertificateStep, Rule
 from gentamp_lp.policy.policy import Policy
 from gentamp_lp.solvers.asp import GroundProgram
@@ -128,10 +128,11 @@ def test_check_finds(policy, break_it, complaint):
 
 def test_a_rising_count_is_no_certificate(unstack):
     """Putting a block back on a tower raises what picking lowers."""
-    _, put = unstack.actions
-    back = replace(put, name="a3", effects={"f1": "false", "f2": "increase"})
+    pick, put = unstack.actions
+    put = replace(put, preconditions={"f1": True, "f2": False})
+    back = replace(put, name="a3", preconditions={"f1": True, "f2": True}, effects={"f1": "false", "f2": "increase"})
     rules = tuple(replace(r, action="a3") if r.valuation == (True, True) else r for r in unstack.rules)
-    wrong = replace(unstack, actions=(*unstack.actions, back), rules=rules)
+    wrong = replace(unstack, actions=(pick, put, back), rules=rules)
     assert any("rises in its component" in problem for problem in wrong.check())
     assert certify(wrong.rules, wrong.actions, ["f1", "f2"])[0] == "strong-cyclic"
     assert replace(wrong, fairness="strong-cyclic", certificate=()).check() == []

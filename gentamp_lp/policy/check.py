@@ -20,6 +20,7 @@ SENTENCES = {
     "two_rules": "two rules for one abstract state: {s[0]}",
     "rule_in_goal": "rule in a goal state: {s[0]}",
     "precondition": "{t[1]} is chosen in {s[0]} against its precondition on {t[2]}",
+    "no_precondition": "{t[0]} has no precondition on {t[1]}, which has one value wherever it is chosen",
     "effect": "{t[1]} cannot make {t[2]} {t[3]} in {s[0]}",
     "no_outcome": "no outcome of {t[1]} in {s[0]}",
     "outcome": "{t[1]} in {s[0]} cannot lead to {s[2]}",

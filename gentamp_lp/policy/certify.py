@@ -1,4 +1,4 @@
-"""The guarantee of a policy: the fairness level it reaches (`verdict.py` checks a claim independently)."""
+"""The guarantee of a policy: the fairness level it reaches (`check.py` checks a claim independently)."""
 
 from __future__ import annotations
 
