@@ -1,4 +1,4 @@
-"""The check of a policy in Python, an oracle for `asp/certificate.lp`: written apart and, but for `_missing`, before it."""
+"""The check of a policy in Python, an oracle for `asp/certificate.lp`: written apart from it, and mostly before."""
 
 from collections.abc import Mapping, Sequence
 
