@@ -17,7 +17,9 @@ test(errors_are_one_line, [true(sub_string(Line, _, _, _, "no_such_goal/1")), no
     answer('no_such_goal(1)', error, Output),
     split_string(Output, "\n", "", [Line]).
 
-test(load_report, [true(Found == [2]), nondet]) :-
+% Newer versions of plunit refuse tests with warnings that end the program with an error, collected or not.
+test(load_report, [setup(set_prolog_flag(on_error, print)), cleanup(set_prolog_flag(on_error, status)),
+                   true(Found == [2]), nondet]) :-
     text_file("good(1).\nbad(.\n", File),
     load_report(File, Lines),
     split_string(Lines, "\n", "", Rows),
