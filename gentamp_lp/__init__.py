@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from gentamp_lp.features.listing import list_features
     from gentamp_lp.learning.learn import learn
     from gentamp_lp.planning.solve import solve
+    from gentamp_lp.policy.learn_settings import LearnSettings
     from gentamp_lp.policy.policy import Policy
     from gentamp_lp.tasks.task import Task
 
-__all__ = ["Policy", "Task", "__version__", "learn", "list_features", "solve"]
+__all__ = ["LearnSettings", "Policy", "Task", "__version__", "learn", "list_features", "solve"]
 
 _HOMES = {
+    "LearnSettings": "policy.learn_settings",
     "Policy": "policy.policy",
     "Task": "tasks.task",
     "learn": "learning.learn",

@@ -89,10 +89,10 @@ def learn(
 
 def _again(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """How a bundle was learned, and what to begin with: its policy and the problems that this failed on."""
-    from gentamp_lp.policy.failures import recorded, settings
+    from gentamp_lp.policy.failures import known_failures, settings
     from gentamp_lp.policy.policy import Policy
 
-    start, failures = Policy.load(folder), recorded(folder)
+    start, failures = Policy.load(folder), known_failures(folder)
     if not failures:
         hint = "`gentamp-lp solve` records the problems on which it cannot follow the policy"
         raise InputError(Diagnostic("nothing to refine: the policy failed nowhere yet", folder, hint=hint))

@@ -22,7 +22,7 @@ _PLAIN = re.compile(r"[a-z]\w*")
 
 
 @dataclass
-class Problem:
+class TrainingProblem:
     """One training problem: its static and certified facts and its entities by sort."""
 
     size: str
@@ -64,7 +64,7 @@ class Dataset:
     display: dict[str, str]  # predicate -> spelling
     owners: list[tuple[str, str, int]]  # (predicate, sort, argument) that determines the tuple
     at_most_one: list[str]
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[TrainingProblem] = field(default_factory=list)
     states: list[SeenState] = field(default_factory=list)
     transitions: list[Transition] = field(default_factory=list)
 
@@ -163,7 +163,7 @@ class Dataset:
             return [tuple(row) for row in rows]
 
         data["owners"] = [tuple(row) for row in data["owners"]]
-        data["problems"] = [Problem(**{**p, "static": facts(p["static"])}) for p in data["problems"]]
+        data["problems"] = [TrainingProblem(**{**p, "static": facts(p["static"])}) for p in data["problems"]]
         data["states"] = [SeenState(**{**s, "facts": facts(s["facts"])}) for s in data["states"]]
         data["transitions"] = [Transition(**{**t, "args": tuple(t["args"])}) for t in data["transitions"]]
         return cls(**data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from gentamp_lp.demonstrations.dataset import Dataset, Problem, SeenState, Transition
+from gentamp_lp.demonstrations.dataset import Dataset, SeenState, TrainingProblem, Transition
 from gentamp_lp.streams.facts import FactBase
 from gentamp_lp.streams.semantics import State, Step, View, applicable, apply
 from gentamp_lp.streams.sorts import infer_sorts
@@ -59,7 +59,7 @@ class Recorder:
         static = [(p, *row) for p, rows in base.static.items() if p in data.predicates for row in rows.rows]
         sorts = sorted({sort for row in data.predicates.values() for sort in row})
         entities = {sort: base.entities(sort) for sort in sorts}
-        data.problems.append(Problem(instance.size, instance.seed, sorted(static), entities))
+        data.problems.append(TrainingProblem(instance.size, instance.seed, sorted(static), entities))
         state = instance.state if start is None else start
         data.states[self._number(problem, state, base)].initial = True
         for step in plan:

@@ -22,14 +22,14 @@ _FIELDS = {"size": str, "seed": int, "robot": str, "reason": str}
 
 def record(folder: Path, failure: Failure) -> None:
     """Append a failure to a bundle, unless its problem is there. Raises InputError when it cannot be written."""
-    if any(_problem(known) == _problem(failure) for known in recorded(folder)):
+    if any(_problem(known) == _problem(failure) for known in known_failures(folder)):
         return
     path = folder / _FILE
     with writing(path), path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(asdict(failure), ensure_ascii=False) + "\n")
 
 
-def recorded(folder: Path) -> list[Failure]:
+def known_failures(folder: Path) -> list[Failure]:
     """What a bundle was refined on, then what failed since. Raises InputError for a damaged file."""
     return [*_refined_on(folder), *_failed(folder / _FILE)]
 

@@ -10,7 +10,7 @@ import pytest
 from gentamp_lp.abstraction.observations import parse_observations
 from gentamp_lp.demonstrations import demonstrate as demonstrations
 from gentamp_lp.demonstrations.canonical import canonical
-from gentamp_lp.demonstrations.dataset import Dataset, Problem, SeenState, Transition
+from gentamp_lp.demonstrations.dataset import Dataset, SeenState, TrainingProblem, Transition
 from gentamp_lp.demonstrations.demonstrate import cache_path, demonstrate, short_plan
 from gentamp_lp.demonstrations.recorder import Recorder
 from gentamp_lp.features.axioms import to_formula
@@ -226,7 +226,7 @@ def test_names_with_hyphens_and_capitals_are_quoted() -> None:
         {"on-top": "On-Top", "arm-empty": "arm-empty", "2nd": "2nd"},
         [],
         ["arm-empty"],
-        [Problem("1", 0, [("2nd", "b-1"), ("2nd", "B2")], {"thing": ["b-1", "B2", "1c"]})],
+        [TrainingProblem("1", 0, [("2nd", "b-1"), ("2nd", "B2")], {"thing": ["b-1", "B2", "1c"]})],
         [SeenState(0, [("on-top", "b-1", "B2"), ("arm-empty",)], initial=True), SeenState(0, [], goal=True)],
         [Transition(0, 1, "pick-up", ("b-1",), True)],
     )

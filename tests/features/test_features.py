@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import pytest
 from helpers.brute_force import pool_rows
 
-from gentamp_lp.demonstrations.dataset import Dataset, Problem
+from gentamp_lp.demonstrations.dataset import Dataset
 from gentamp_lp.features.axioms import Features, to_formula
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.features.pool import Pool, generate_pool, split_formula
@@ -20,7 +20,7 @@ from gentamp_lp.streams.semantics import Program, View
 SAMPLE = 35
 
 
-def closed(domain: Domain, data: Dataset, problem: Problem) -> FactBase:
+def closed(domain: Domain, data: Dataset, problem: TrainingProblem) -> FactBase:
     """What the dataset knows of a problem, with no streams to ask for more."""
     names = {name: name for names in problem.entities.values() for name in names}
     sorts = {name: tuple(row) for name, row in data.predicates.items()}

@@ -8,7 +8,7 @@ import pytest
 
 from gentamp_lp.base.shipped import resource
 from gentamp_lp.errors import InputError
-from gentamp_lp.policy.failures import record, recorded, settings
+from gentamp_lp.policy.failures import known_failures, record, settings
 from gentamp_lp.policy.learn_report import Failure
 
 FAILURE = Failure("5", 0, "panda", "no rule")
@@ -29,7 +29,7 @@ def refined(tmp_path_factory):
     assert gentamp(folder, "learn", "one.yaml", "--seed", "0", "--out", "b").returncode == 0
     first = json.loads((folder / "b/report.json").read_text())
     failed = gentamp(folder, "solve", "one.yaml", "--size", "5", "--policy", "b", "--timeout", "3", "--json")
-    kept = recorded(folder / "b")
+    kept = known_failures(folder / "b")
     again = gentamp(folder, "learn", "--refine", "b", "--json")
     return folder, first, failed, kept, again
 
@@ -67,7 +67,7 @@ def test_a_problem_is_kept_once(tmp_path):
     record(tmp_path, FAILURE)
     record(tmp_path, FAILURE)
     record(tmp_path, Failure("5", 1, "panda", "no rule"))
-    assert [f.seed for f in recorded(tmp_path)] == [0, 1]
+    assert [f.seed for f in known_failures(tmp_path)] == [0, 1]
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_a_damaged_file_is_refused_with_its_line(tmp_path, line, complaint):
     with (tmp_path / "failures.jsonl").open("a") as file:
         file.write(line + "\n")
     with pytest.raises(InputError) as error:
-        recorded(tmp_path)
+        known_failures(tmp_path)
     assert complaint in str(error.value)
 
 
