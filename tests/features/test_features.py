@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import pytest
 from helpers.brute_force import pool_rows
 
-from gentamp_lp.demonstrations.dataset import Dataset
+from gentamp_lp.demonstrations.dataset import Dataset, TrainingProblem
 from gentamp_lp.features.axioms import Features, to_formula
 from gentamp_lp.features.feature import Feature
 from gentamp_lp.features.pool import Pool, generate_pool, split_formula
