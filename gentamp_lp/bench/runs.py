@@ -18,7 +18,6 @@ from pathlib import Path
 from statistics import mean, median, stdev
 
 import numpy as np
-from scipy.stats import t as student
 
 from gentamp_lp.base.documents import Document
 from gentamp_lp.base.reading import read_text
@@ -306,6 +305,8 @@ def size_key(size: str) -> tuple[int, ...]:
 
 def _spread(values: Sequence[float]) -> float:
     """Half the width of the 95 % confidence interval of the mean."""
+    from scipy.stats import t as student  # slow to import, and the module is read for its tables, too
+
     if len(values) < 2:
         return 0.0
     return float(student.ppf(0.975, len(values) - 1) * stdev(values) / len(values) ** 0.5)

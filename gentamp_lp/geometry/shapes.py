@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from gentamp_lp.geometry.transforms import Array, pose
 
@@ -102,6 +101,8 @@ class Part:
     def carries(self, x: float, y: float) -> bool:
         """Whether a point (m, seen from the part's centre) is over its flat top."""
         if self.hull is not None:
+            from scipy.spatial import Delaunay  # as long to import as all the rest: few worlds have meshes
+
             top = self.hull.vertices[self.hull.vertices[:, 2] > self.height / 2 - _FLAT, :2]
             if len(top) < 3 or np.linalg.matrix_rank(top - top[0], tol=_FLAT) < 2:
                 return False
