@@ -136,13 +136,12 @@ def compile_(
 
     policy = Policy.load(folder)
     loaded = Task.load(task or policy.task, trust=trust)
-    sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
     sizes = loaded.file.train if encoding == "local" else ()
     initial = [loaded.instance(size, seed).state for seed, size in enumerate(sizes)]
-    domain = constrained_domain(policy, loaded.folder, sorts, encoding, initial)
+    domain = constrained_domain(policy, loaded.folder, policy.sorts, encoding, initial)
     marks = doubtful(policy, loaded.folder)
     supposed = invariants(loaded.folder.domain, initial)
-    checked = left_to_checks(policy, loaded.folder, sorts, initial) if encoding == "local" else {}
+    checked = left_to_checks(policy, loaded.folder, policy.sorts, initial) if encoding == "local" else {}
     write_text(out / "domain.pddl", to_text(domain, policy, marks, supposed))
     write_text(out / "stream.pddl", (loaded.folder.path / "stream.pddl").read_text(encoding="utf-8"))
     if json_:

@@ -68,6 +68,11 @@ class Dataset:
     states: list[SeenState] = field(default_factory=list)
     transitions: list[Transition] = field(default_factory=list)
 
+    @property
+    def sorts(self) -> dict[str, tuple[str, ...]]:
+        """The sorts of each predicate's arguments."""
+        return {name: tuple(row) for name, row in self.predicates.items()}
+
     def pool_facts(self) -> str:
         """The facts from which Prolog builds the feature pool."""
         lines = [f"sort({sort})." for sort in sorted({s for sorts in self.predicates.values() for s in sorts})]

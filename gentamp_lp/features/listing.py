@@ -139,8 +139,7 @@ def list_features(
     )
     if state is not None and not 0 <= state < len(data.states):
         raise InputError(Diagnostic(f"there is no state {state}", hint=f"states are 0 to {len(data.states) - 1}"))
-    sorts = {name: tuple(row) for name, row in data.predicates.items()}
-    openness = Openness(task.folder.domain, task.folder.streams, sorts)
+    openness = Openness(task.folder.domain, task.folder.streams, data.sorts)
     with PoolSession(data.pool_facts(), grammars=grammars, time_limit=time_limit) as session:
         readings = [_read(session, text) for text in formulas]  # mistakes first, before the long work
         pool = session.deepen(complexity)

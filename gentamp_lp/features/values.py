@@ -40,13 +40,12 @@ def effect_of(kind: str, before: bool, after: bool, difference: int) -> str | No
 def recorded(data: Dataset, task: Task, features: Features) -> Callable[[int], View]:
     """How to look at a recorded state, given its number: what was not sampled or tested then does not hold."""
     program = Program.of(task.folder.domain, features.axioms)
-    sorts = {name: tuple(row) for name, row in data.predicates.items()}
 
     @cache
     def base(number: int) -> FactBase:
         problem = data.problems[number]
         names = dict.fromkeys(name for entities in problem.entities.values() for name in entities)
-        facts = FactBase(task.folder.domain, (), {}, names, sorts)
+        facts = FactBase(task.folder.domain, (), {}, names, data.sorts)
         for fact in problem.static:
             facts.add(fact)
         return facts

@@ -117,7 +117,6 @@ def _policy_that_passes(run: Run, data: Dataset, trials: Trials) -> tuple[Candid
 
 def _constrained(task: Task, policy: Policy, data: Dataset) -> tuple[str, str]:
     """The policy as a constrained PDDLStream domain: its `domain.pddl` and `stream.pddl`."""
-    sorts = {name: tuple(row) for name, row in data.predicates.items()}
-    domain = constrained_domain(policy, task.folder, sorts)
+    domain = constrained_domain(policy, task.folder, data.sorts)
     stream_pddl = (task.folder.path / "stream.pddl").read_text(encoding="utf-8")
     return to_text(domain, policy, doubtful(policy, task.folder)), stream_pddl

@@ -84,15 +84,14 @@ class Learned:
 
     def report(self) -> dict[str, Any]:
         """The JSON document of `gentamp-lp learn`."""
-        return self.document.model_dump(mode="json")
+        return self.document.dump()
 
     def save(self, folder: Path) -> None:
         """Write the policy bundle, whole or not at all."""
         self.policy.save(folder, domain_pddl=self.domain_pddl, stream_pddl=self.stream_pddl, report=self.report())
 
     def _features(self) -> list[dict[str, Any]]:
-        sorts = {name: tuple(row) for name, row in self.dataset.predicates.items()}
-        openness = Openness(self.task.folder.domain, self.task.folder.streams, sorts)
+        openness = Openness(self.task.folder.domain, self.task.folder.streams, self.dataset.sorts)
         return [
             {
                 "name": f.name,

@@ -116,8 +116,7 @@ def _along(
 def _constrained(policy: Policy, instance: Instance, end: DeadEnd, time_limit: float) -> list[Step]:
     """Search the constrained domain over samples. Raises the dead end again when there is no plan."""
     task = instance.task
-    sorts = {name: tuple(row) for name, row in policy.extra["sorts"].items()}
-    program = Program.of(constrained_domain(policy, task.folder, sorts, "local", [instance.state]))
+    program = Program.of(constrained_domain(policy, task.folder, policy.sorts, "local", [instance.state]))
     goal = And((task.goal, Atom("ready", ())))
     try:
         found = solve_incremental(

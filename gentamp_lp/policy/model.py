@@ -60,6 +60,11 @@ class PolicyGraph:
     bound: int
     extra: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def sorts(self) -> dict[str, tuple[str, ...]]:
+        """The sorts of the arguments of each predicate that features may speak of."""
+        return {name: tuple(row) for name, row in self.extra["sorts"].items()}
+
     def rule_for(self, valuation: Mapping[str, bool] | Sequence[bool]) -> Rule | None:
         """Return the rule of an abstract state; None in a goal or in a state never seen."""
         if isinstance(valuation, Mapping):
